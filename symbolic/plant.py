@@ -1,0 +1,140 @@
+"""The network of plants as frozen, exact, hashable values (theory.md section 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import sympy
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Closed interval with rational ends; a point has ``lo == hi``."""
+
+    lo: Fraction
+    hi: Fraction
+
+    def __post_init__(self) -> None:
+        if self.lo > self.hi:
+            raise ValueError(f"the interval [{self.lo}, {self.hi}] is empty")
+
+    @property
+    def is_point(self) -> bool:
+        return self.lo == self.hi
+
+    @property
+    def magnitude(self) -> Fraction:
+        """The largest absolute value in the interval."""
+        return max(abs(self.lo), abs(self.hi))
+
+
+@dataclass(frozen=True)
+class Edge:
+    """``source -> target``: the target hears the source with ``weight = a_(target,source) > 0``."""
+
+    source: int
+    target: int
+    weight: Fraction
+
+
+@dataclass(frozen=True)
+class Digraph:
+    """Agents ``1 … agents`` and the edges between them."""
+
+    agents: int
+    edges: tuple[Edge, ...]
+
+
+@dataclass(frozen=True)
+class Exosystem:
+    """``v' = S v`` with ``v(0)`` in the box ``initial``; no states when there is no disturbance."""
+
+    states: tuple[sympy.Symbol, ...]
+    S: sympy.ImmutableMatrix
+    initial: tuple[Interval, ...]
+
+
+@dataclass(frozen=True)
+class InitialBox:
+    """Initial set of one agent, one interval per component.
+
+    ``observer is None`` means ``observer = "measured"``: ``x~_1(0) = y(0)`` and the other components 0.
+    The internal model's dimension is not known yet, so ``eta`` is one interval for all its components.
+    """
+
+    z: tuple[Interval, ...]
+    x: tuple[Interval, ...]
+    observer: tuple[Interval, ...] | None
+    eta: Interval
+    reference: Interval
+
+
+@dataclass(frozen=True)
+class InternalModelChoice:
+    """The user's Hurwitz ``M`` (rows) and ``N`` (column); a controllable pair."""
+
+    M: tuple[tuple[Fraction, ...], ...]
+    N: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True)
+class Agent:
+    """``z' = f0(z, x1, v, w)``, ``x_k' = x_(k+1)``, ``x_n' = f(z, x, v, w) + b(w) u``, ``y = x1``.
+
+    ``cost`` is in the symbol ``s``. Answers of the user (steady state ``z*``, Lyapunov function ``V0``,
+    internal model, ``gamma = (γ_1 … γ_(n-1))``, ``observer = (c_1 … c_n)``) are optional and never trusted.
+    """
+
+    id: int
+    order: int
+    zero_states: tuple[sympy.Symbol, ...]
+    zero_dynamics: tuple[sympy.Expr, ...]
+    f: sympy.Expr
+    b: sympy.Expr
+    cost: sympy.Expr
+    parameters: tuple[sympy.Symbol, ...]
+    parameter_box: tuple[Interval, ...]
+    initial: InitialBox
+    steady_state: tuple[sympy.Expr, ...] | None = None
+    lyapunov: sympy.Expr | None = None
+    internal_model: InternalModelChoice | None = None
+    gamma: tuple[Fraction, ...] | None = None
+    observer: tuple[Fraction, ...] | None = None
+
+    @property
+    def chain(self) -> tuple[sympy.Symbol, ...]:
+        """The states ``x1 … xn``."""
+        return tuple(sympy.Symbol(f"x{k}", real=True) for k in range(1, self.order + 1))
+
+
+@dataclass(frozen=True)
+class RequestedGains:
+    """What the user fixed in ``[gains]``; ``None`` is left to the search."""
+
+    g: Fraction | None = None
+    K: Fraction | None = None
+    delta: Fraction | None = None
+    h: Fraction | None = None
+
+
+@dataclass(frozen=True)
+class Plant:
+    """One plant file. ``sha256`` is the digest of the file's bytes, which a certificate is bound to."""
+
+    name: str
+    digraph: Digraph
+    exosystem: Exosystem
+    agents: tuple[Agent, ...]
+    sha256: str
+    alpha1: Fraction | None = None
+    alpha2: Fraction | None = None
+    gains: RequestedGains = RequestedGains()
+
+
+def symbol(name: str) -> sympy.Symbol:
+    """The one way to make a symbol: all of them are real, so that equal names are equal symbols."""
+    return sympy.Symbol(name, real=True)
+
+
+COST_VARIABLE = symbol("s")
