@@ -1,0 +1,192 @@
+"""Expressions of plant files as exact SymPy expressions, with the cost bounded before SymPy evaluates anything.
+
+SymPy computes constant powers and merges coefficients as soon as it is given them, so every node carries an upper
+bound on its total degree, on the number of terms of its expansion and on the bits of its coefficients; a node that
+would pass a bound is refused unbuilt. Constants also carry a ball, so that ``log(0)`` or ``sqrt(-1)`` is refused too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass
+from difflib import get_close_matches
+from fractions import Fraction
+from functools import lru_cache
+
+import sympy
+from flint import arb
+
+from symbolic.constants import FUNCTION_BALLS, LARGEST, as_fraction, as_rational, enclose
+from symbolic.errors import Where, quoted
+from symbolic.grammar import Call, ExpressionError, Name, Negative, Node, Number, Power, Product, Sum, parse
+from symbolic.plant import symbol
+from symbolic.size import MAX_EXPONENT, Size, size_of_power, size_of_product, size_of_sum
+
+Names = Mapping[str, sympy.Expr] | Set[str]
+
+_FUNCTIONS = {f.__name__: f for f in FUNCTION_BALLS} | {"sqrt": sympy.sqrt}
+_ATOMS = (sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))
+_HEADS = (sympy.Add, sympy.Mul, sympy.Pow, *FUNCTION_BALLS)
+
+
+def parse_expression(text: str, names: Names, *, where: Where,
+                     refused: Mapping[str, str] | None = None) -> sympy.Expr:
+    """The expression in the declared names; a set of names stands for the symbols of those names.
+
+    ``refused`` gives the reason why a name known elsewhere may not appear here. The result is made of sums, products,
+    powers with rational exponents, the functions of the language, rationals, π, e and the given values.
+    Raises ``InputError`` with the column (counted from 1).
+    """
+    values = names if isinstance(names, Mapping) else {name: symbol(name) for name in names}
+    try:
+        bindings = []
+        for used in _names_of(text):
+            if used.name not in values:
+                raise ExpressionError((refused or {}).get(used.name) or _unknown(used.name, values), used.column)
+            bindings.append((used.name, values[used.name]))
+        return _evaluated(text, tuple(dict.fromkeys(bindings)))
+    except ExpressionError as error:
+        raise where.error(error.reason, error.column) from None
+
+
+def parse_constant(text: str, names: Mapping[str, sympy.Expr], *, where: Where) -> sympy.Expr:
+    """An exact, finite, real constant such as ``sqrt(2)/3`` in declared constants. Raises ``InputError``."""
+    expr = parse_expression(text, names, where=where)
+    if expr.free_symbols:
+        found = ", ".join(sorted(str(name) for name in expr.free_symbols))
+        raise where.error(f"a constant is needed, {quoted(text)} depends on {found}")
+    return expr
+
+
+def parse_number(text: str, names: Mapping[str, sympy.Expr], *, where: Where) -> Fraction:
+    """A rational constant in declared constants. Raises ``InputError``."""
+    expr = parse_constant(text, names, where=where)
+    if not isinstance(expr, sympy.Rational):
+        raise where.error(f"a rational number is needed, {quoted(text)} is not shown to be one")
+    return as_fraction(expr)
+
+@dataclass(frozen=True)
+class _Value:
+    """A built node with upper bounds on its expansion; ``ball`` encloses it if it is constant."""
+
+    expr: sympy.Expr
+    size: Size
+    ball: arb | None
+
+
+@lru_cache(maxsize=4096)
+def _names_of(text: str) -> tuple[Name, ...]:
+    return tuple(_walk(parse(text)))
+
+
+@lru_cache(maxsize=4096)
+def _evaluated(text: str, bindings: tuple[tuple[str, sympy.Expr], ...]) -> sympy.Expr:
+    return _build(parse(text), {name: _measured(expr) for name, expr in bindings}).expr
+
+
+def _walk(node: Node) -> Iterator[Name]:
+    match node:
+        case Name():
+            yield node
+        case Negative(argument) | Call(_, argument):
+            yield from _walk(argument)
+        case Sum(terms):
+            for term in terms:
+                yield from _walk(term)
+        case Product(factors):
+            for factor, _ in factors:
+                yield from _walk(factor)
+        case Power(base, exponent):
+            yield from _walk(base)
+            yield from _walk(exponent)
+
+
+def _unknown(name: str, values: Mapping[str, sympy.Expr]) -> str:
+    near = get_close_matches(name, values, n=1)
+    if near:
+        return f"unknown name {quoted(name)}; did you mean {quoted(near[0])}?"
+    known = ", ".join(sorted(values)[:20])
+    return f"unknown name {quoted(name)}; " + (f"known here: {known}" if known else "no names are known here")
+
+
+def _measured(expr: sympy.Expr) -> _Value:
+    """The bounds of what a name stands for: a symbol or an already checked constant."""
+    if isinstance(expr, sympy.Symbol):
+        return _Value(expr, Size(1, 1, 0), None)
+    if expr.free_symbols:
+        raise ValueError(f"a name may stand for a symbol or a constant, not for {expr}")
+    bits = sum(int(n.p).bit_length() + int(n.q).bit_length() for n in expr.atoms(sympy.Rational))
+    return _Value(expr, Size(0, 1, bits), enclose(expr))
+
+
+def _build(node: Node, names: Mapping[str, _Value]) -> _Value:
+    match node:
+        case Number(value):
+            return _measured(as_rational(value))
+        case Name(name):
+            return names[name]
+        case Negative(argument):
+            built = _build(argument, names)
+            return _checked(-built.expr, built.size, node)
+        case Sum(terms):
+            parts = [_build(term, names) for term in terms]
+            size = _affordable(size_of_sum(part.size for part in parts), node)
+            return _checked(sympy.Add(*(part.expr for part in parts)), size, node)
+        case Product(factors):
+            parts = [_power(_build(factor, names), -1, factor) if divides else _build(factor, names)
+                     for factor, divides in factors]
+            size = _affordable(size_of_product(part.size for part in parts), node)
+            return _checked(sympy.Mul(*(part.expr for part in parts)), size, node)
+        case Power(base, exponent):
+            return _power(_build(base, names), _exponent(_build(exponent, names), exponent), node)
+        case Call(function, argument):
+            return _call(function, _build(argument, names), node)
+
+
+def _affordable(size: Size, node: Node) -> Size:
+    excess = size.excess()
+    if excess is not None:
+        raise ExpressionError(excess, node.column)
+    return size
+
+
+def _checked(expr: sympy.Expr, size: Size, node: Node) -> _Value:
+    """The node's value; a constant must be finite and real, and not too large."""
+    if expr.free_symbols:
+        return _Value(expr, size, None)
+    ball = enclose(expr)
+    if not ball.is_finite() or ball.abs_lower() > LARGEST:
+        raise ExpressionError("the constant is not a finite real number of reasonable size", node.column)
+    return _Value(expr, size, ball)
+
+
+def _exponent(value: _Value, node: Node) -> int:
+    if not isinstance(value.expr, sympy.Integer):
+        raise ExpressionError("an exponent must be a constant integer (write sqrt(...) for a square root)", node.column)
+    if abs(value.expr) > MAX_EXPONENT:
+        raise ExpressionError(f"an exponent must lie between -{MAX_EXPONENT} and {MAX_EXPONENT}", node.column)
+    return int(value.expr)
+
+
+def _power(base: _Value, exponent: int, node: Node) -> _Value:
+    if exponent < 0 or (exponent == 0 and base.expr == 0):
+        if base.expr == 0:
+            raise ExpressionError("division by zero" if exponent < 0 else "0 to the power 0", node.column)
+        if base.ball is not None and base.ball.contains(0):
+            raise ExpressionError("division by a constant that is not shown to be nonzero", node.column)
+    size = _affordable(size_of_power(base.size, abs(exponent)), node)
+    return _checked(sympy.Pow(base.expr, exponent), size, node)
+
+
+def _call(function: str, argument: _Value, node: Node) -> _Value:
+    if function == "exp" and argument.expr.has(sympy.log):
+        raise ExpressionError("log inside exp; write the power instead", node.column)
+    result = _FUNCTIONS[function](argument.expr)
+    for part in sympy.preorder_traversal(result):
+        if part in (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I):
+            raise ExpressionError(f"{function} of this argument is not a finite real number", node.column)
+        if part.func not in _HEADS and not isinstance(part, _ATOMS):
+            reason = f"{function} of this argument becomes {part.func.__name__}, not a smooth function of the language"
+            raise ExpressionError(reason, node.column)
+    inner = argument.size
+    return _checked(result, inner if function == "sqrt" else Size(min(inner.degree, 1), 1, inner.bits), node)
