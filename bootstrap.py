@@ -1,0 +1,98 @@
+"""Set up ``.venv`` in this checkout once, then run a command in it. Needs Python 3.11 or newer with pip, nothing else.
+
+    python3 bootstrap.py certify ARGUMENT...   the command line
+    python3 bootstrap.py test ARGUMENT...      the tests; arguments go to pytest
+    python3 bootstrap.py setup                 only the set-up, with the tools for the tests
+
+What is installed is pinned and hashed in ``requirements/*.lock``. A changed lock or Python makes ``.venv`` anew.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+VENV = ROOT / ".venv"
+STAMP = VENV / "installed.json"
+PYTHON = VENV / "bin" / "python"
+
+
+def fail(reason):
+    print("bootstrap: " + reason, file=sys.stderr)
+    sys.exit(2)
+
+
+def digest(*paths):
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in paths)).hexdigest()
+
+
+def wanted(group):
+    """What the stamp says of ``group`` (runtime or test) when it is installed."""
+    lock = ROOT / "requirements" / (group + ".lock")
+    return digest(lock, ROOT / "pyproject.toml") if group == "runtime" else digest(lock)
+
+
+def installed():
+    """What is in ``.venv``: nothing if it is missing, half made, moved or made by another Python."""
+    if not PYTHON.exists() or not STAMP.exists():
+        return {}
+    stamp = json.loads(STAMP.read_text())
+    here = {"python": sys.version, "root": str(ROOT), "runtime": wanted("runtime")}
+    return stamp if {key: stamp.get(key) for key in here} == here else {}
+
+
+def pip(*arguments):
+    options = ["--quiet", "--disable-pip-version-check", "--no-deps", "--no-compile"]
+    command = [str(PYTHON), "-m", "pip", "install", *options, *arguments]
+    if subprocess.run(command, stdout=sys.stderr, cwd=ROOT).returncode != 0:
+        fail("pip could not install the locked packages; its reason is above")
+
+
+def make_environment():
+    if VENV.exists():
+        shutil.rmtree(VENV)
+    try:
+        venv.create(VENV, symlinks=True, with_pip=True)
+    except subprocess.CalledProcessError:
+        fail("this Python cannot make a virtual environment with pip; on Debian and Ubuntu: apt install python3-venv")
+
+
+def set_up(groups):
+    state = installed()
+    missing = [group for group in groups if state.get(group) != wanted(group)]
+    if not missing:
+        return
+    print("bootstrap: installing into .venv, once (half a minute, under 900 MB)", file=sys.stderr)
+    if not state:
+        make_environment()
+        state = {"python": sys.version, "root": str(ROOT)}
+    STAMP.unlink(missing_ok=True)
+    locks = [item for group in missing for item in ("-r", str(ROOT / "requirements" / (group + ".lock")))]
+    pip("--require-hashes", "--only-binary", ":all:", *locks)
+    if "runtime" in missing:
+        pip("--no-index", "--no-build-isolation", "--editable", str(ROOT))
+    state.update({group: wanted(group) for group in missing})
+    STAMP.write_text(json.dumps(state, indent=1))
+
+
+def main():
+    if sys.version_info < (3, 11):
+        fail("Python 3.11 or newer is needed, this is " + sys.version.split()[0])
+    command, arguments = (sys.argv[1] if len(sys.argv) > 1 else ""), sys.argv[2:]
+    if command not in ("certify", "test", "setup"):
+        fail("say what to run: certify, test or setup")
+    set_up(["runtime"] if command == "certify" else ["runtime", "test"])
+    if command == "certify":
+        os.execv(VENV / "bin" / "certify", ["certify", *arguments])
+    if command == "test":
+        os.chdir(ROOT)
+        os.execv(PYTHON, [str(PYTHON), "-m", "pytest", "-n", "2", *arguments])
+
+
+if __name__ == "__main__":
+    main()
