@@ -1,0 +1,109 @@
+"""Everything a report is made from, as one frozen value; what was not done is ``None``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime
+from fractions import Fraction
+from typing import TYPE_CHECKING, Literal
+
+from symbolic.controller import Controller
+from symbolic.errors import InputError
+from symbolic.plant import Interval, Plant
+
+if TYPE_CHECKING:
+    from certify.assumptions.findings import CheckReport
+    from certify.pipeline import GainsResult
+    from sims.closed_loop import Trajectory
+    from symbolic.derivation import Derivation
+
+Status = Literal["certified", "refuted", "inconclusive"]
+
+
+@dataclass(frozen=True)
+class Study:
+    """One plant and what was found about it.
+
+    ``optimum`` is ``s*`` where it is rational, ``optimum_enclosure`` encloses it. ``certificate`` is the certificate as read
+    (docs/certificate.md); left out, it is that of ``gains``. ``verification`` is the answer of the independent checker:
+    ``{"status": "verified" | "rejected", "claim_sha256": …, "reason": …}``. ``simulated`` is the controller of ``trajectory``,
+    which need not be the certified one. ``versions`` maps names of tools and libraries to versions.
+    """
+
+    plant: Plant
+    check: CheckReport | None = None
+    optimum: Fraction | None = None
+    optimum_enclosure: Interval | None = None
+    derivation: Derivation | None = None
+    gains: GainsResult | None = None
+    certificate: Mapping[str, object] | None = None
+    verification: Mapping[str, str] | None = None
+    trajectory: Trajectory | None = None
+    simulated: Controller | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
+    seed: int | None = None
+    commands: tuple[str, ...] = ()
+    date: date | None = None
+
+    @property
+    def found_certificate(self) -> Mapping[str, object] | None:
+        """The certificate that was read, else the one that was found."""
+        if self.certificate is not None:
+            return self.certificate
+        return None if self.gains is None else self.gains.certificate
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """What stands on the first page: the status, why, and whether the independent checker has confirmed it."""
+
+    status: Status
+    reason: str
+    verified: bool
+
+
+def conclusion(study: Study) -> Conclusion:
+    """The strongest statement the study supports; anything short of a certificate has its reason in front.
+
+    An assumption that fails or a certificate that the checker rejects refutes; a certificate that was found but not checked is
+    reported as certified and not verified.
+    """
+    failed = _first_finding(study, "fails")
+    if failed:
+        return Conclusion("refuted", failed, False)
+    answer = study.verification
+    if answer is not None and answer["status"] == "rejected":
+        return Conclusion("refuted", f"the checker rejects the certificate: {answer.get('reason') or 'no reason given'}", False)
+    verified = answer is not None and answer["status"] == "verified"
+    if study.gains is not None and study.gains.status != "certified":
+        return Conclusion(study.gains.status, study.gains.reason, False)
+    if study.found_certificate is not None:
+        return Conclusion("certified", "", verified)
+    undecided = _first_finding(study, "unknown")
+    return Conclusion("inconclusive", undecided or "no certificate was sought", False)
+
+
+def source_date(environment: Mapping[str, str]) -> date:
+    """The date of a report: that of ``SOURCE_DATE_EPOCH`` (seconds, UTC) where it is set, else today's in UTC.
+
+    Raises ``InputError`` for a value that is not a whole number of seconds between the years 1970 and 9999.
+    """
+    given = environment.get("SOURCE_DATE_EPOCH")
+    if given is None:
+        return datetime.now(UTC).date()
+    if not (given.isascii() and given.isdigit() and len(given) <= 12):
+        raise InputError(f"SOURCE_DATE_EPOCH: a whole number of seconds is needed, not {given!r:.40}")
+    try:
+        return datetime.fromtimestamp(int(given), UTC).date()
+    except (OverflowError, ValueError):
+        raise InputError(f"SOURCE_DATE_EPOCH: {given} is beyond the year 9999") from None
+
+
+def _first_finding(study: Study, verdict: str) -> str:
+    """``A2: reason`` of the first finding with that verdict; empty if there is none."""
+    for finding in study.check.findings if study.check else ():
+        if finding.verdict == verdict:
+            where = "" if finding.agent is None else f", agent {finding.agent}"
+            return f"{finding.id}{where}: {finding.reason}"
+    return ""
