@@ -1,0 +1,1 @@
+"""Conditions on gains that the user gives."""
