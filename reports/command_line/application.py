@@ -1,0 +1,66 @@
+"""The commands together, and the one place where errors become an exit code and a line on stderr."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Annotated
+
+import typer
+
+from reports.command_line import check, derive, falsify, gains, report, run, simulate, verify
+from reports.command_line.outcome import BAD_INPUT, UNDECIDED
+from symbolic.errors import InputError, one_line
+
+INTERRUPTED = 130
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app.command("run")(run.command)
+app.command("check")(check.command)
+app.command("derive")(derive.command)
+app.command("gains")(gains.command)
+app.command("verify")(verify.command)
+app.command("simulate")(simulate.command)
+app.command("falsify")(falsify.command)
+app.command("report")(report.command)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(version("consensus-certify"))
+        raise typer.Exit
+
+
+@app.callback()
+def certify(
+    _version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_show_version)
+    ] = False,
+) -> None:
+    """Certify distributed optimal output consensus of uncertain nonlinear agents.
+
+    Exit codes: 0 holds, certified or verified; 1 refuted; 2 bad input or usage; 3 not decided.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code (spec.md, command line)."""
+    try:
+        code = app(args=None if arguments is None else list(arguments), prog_name="certify", standalone_mode=False)
+    except InputError as error:
+        return _complain(str(error), BAD_INPUT)
+    except typer.TyperException as error:
+        return _complain(f"{error.format_message()} (see certify --help)", BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        return _complain("interrupted", INTERRUPTED)
+    except Exception as error:  # noqa: BLE001 - a crash would leave with 1, which means refuted
+        traceback.print_exc()
+        return _complain(f"internal error: {type(error).__name__}: {error}", UNDECIDED)
+    return code if isinstance(code, int) else 0
+
+
+def _complain(reason: str, code: int) -> int:
+    print(f"certify: {one_line(reason)}", file=sys.stderr)
+    return code

@@ -1,0 +1,27 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PlantArgument = Annotated[Path, typer.Argument(metavar="PLANT", help="Plant file (TOML).", show_default=False)]
+CertificateArgument = Annotated[
+    Path, typer.Argument(metavar="CERT", help="Certificate file (JSON).", show_default=False)
+]
+FolderOption = Annotated[
+    Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write to.", show_default=False)
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+class Route(StrEnum):
+    """The ways to a certificate."""
+
+    RECIPE = "recipe"
+
+
+RouteOption = Annotated[Route, typer.Option("--route", help="How the gains are found.")]

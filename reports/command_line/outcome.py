@@ -1,0 +1,64 @@
+"""What a command ends with: a status, an exit code, one JSON object or a text."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NoReturn
+
+import typer
+
+HOLDS, REFUTED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
+
+EXIT_CODES = {
+    "holds": HOLDS,
+    "certified": HOLDS,
+    "verified": HOLDS,
+    "fails": REFUTED,
+    "rejected": REFUTED,
+    "refuted": REFUTED,
+    "unknown": UNDECIDED,
+    "inconclusive": UNDECIDED,
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """``fields`` follow ``status`` in the JSON object; ``text`` is for people; either goes to stdout."""
+
+    status: str
+    fields: Mapping[str, object]
+    text: str
+
+    @property
+    def exit_code(self) -> int:
+        return EXIT_CODES[self.status]
+
+    def as_json(self) -> str:
+        return json_text({"status": self.status, **self.fields})
+
+
+def json_text(value: object) -> str:
+    """One line of JSON; exact numbers as strings."""
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, default=_exact)
+
+
+def finish(outcome: Outcome, as_json: bool) -> NoReturn:
+    """Print the outcome and leave with its exit code."""
+    printed = outcome.as_json() if as_json else outcome.text.rstrip("\n")
+    try:
+        sys.stdout.write(printed + "\n" if printed else "")
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader has gone; the exit code still tells
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    raise typer.Exit(outcome.exit_code)
+
+
+def _exact(value: object) -> str:
+    if isinstance(value, Fraction):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} has no place in the JSON output")

@@ -1,0 +1,111 @@
+"""``certify simulate``: closed-loop trajectories and plots."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from certify.files import make_folder, write_atomically
+from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument
+from reports.command_line.outcome import Outcome, finish
+from reports.command_line.steps import Steps
+
+if TYPE_CHECKING:
+    from sims.closed_loop import Trajectory
+
+SETTLED = 1e-2
+
+
+def command(
+    plant: PlantArgument,
+    output: FolderOption,
+    certificate: Annotated[
+        Path | None, typer.Argument(metavar="[CERT]", help="Certificate whose gains are simulated.", show_default=False)
+    ] = None,
+    horizon: Annotated[float, typer.Option(help="Length of the run in seconds.", min=0.001, max=1e6)] = 40.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Simulate the closed loop in floats from the centre of the boxes; proves nothing."""
+    from certify.certificate import read_certificate
+    from reports.command_line.controllers import certified_controller, demonstration_controller
+    from sims.closed_loop import simulate
+    from symbolic.plant_file import load_plant
+
+    loaded = load_plant(plant)
+    if certificate is None:
+        controller = demonstration_controller(loaded)
+    else:
+        controller = certified_controller(read_certificate(certificate), loaded)
+    make_folder(output)
+    steps = Steps()
+    with steps.step("simulate") as report:
+        trajectory = simulate(loaded, controller, horizon=horizon)
+        report(sentence(trajectory))
+    with steps.step("plots"):
+        write_atomically(output / "trajectory.csv", table(trajectory).encode())
+        for name, picture in plots(trajectory).items():
+            write_atomically(output / name, picture)
+    finish(outcome(trajectory), as_json)
+
+
+def outcome(trajectory: Trajectory) -> Outcome:
+    """``holds`` if all outputs ended near s*, ``refuted`` if a state escaped; neither is a proof."""
+    status = {"completed": "inconclusive", "escaped": "refuted", "failed": "inconclusive"}[trajectory.status]
+    error = trajectory.final_error(window=1.0)
+    if error <= SETTLED:
+        status = "holds"
+    fields = {
+        "reason": sentence(trajectory),
+        "optimum": trajectory.optimum,
+        "final_error": error if error < float("inf") else None,
+        "end": trajectory.end,
+    }
+    return Outcome(status, fields, f"{status}: {sentence(trajectory)}")
+
+
+def sentence(trajectory: Trajectory) -> str:
+    """How the run ended, for people."""
+    if trajectory.status != "completed":
+        return f"{trajectory.status}: {trajectory.reason}"
+    error = trajectory.final_error(window=1.0)
+    return f"max |y_i - s*| = {error:.2e} over the last second of {trajectory.end:g} s, s* = {trajectory.optimum:.6g}"
+
+
+def table(trajectory: Trajectory) -> str:
+    """The outputs, references and inputs over time as CSV."""
+    numbers = [agent.id for agent in trajectory.agents]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["t", *(f"{name}{i}" for name in ("y", "yr", "u") for i in numbers)])
+    writer.writerows(zip(trajectory.t, *trajectory.y, *trajectory.reference, *trajectory.u, strict=True))
+    return text.getvalue()
+
+
+def plots(trajectory: Trajectory) -> dict[str, bytes]:
+    """The plots as PNG, by file name."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    import matplotlib.pyplot as plt
+
+    from sims.plots import plot_inputs, plot_outputs, plot_references, plot_tracking_error
+
+    drawings = {
+        "outputs.png": plot_outputs,
+        "references.png": plot_references,
+        "inputs.png": plot_inputs,
+        "tracking_error.png": plot_tracking_error,
+    }
+    pictures = {}
+    for name, draw in drawings.items():
+        figure, axes = plt.subplots(figsize=(6.4, 4.0), dpi=150, layout="constrained")
+        draw(trajectory, axes)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png")
+        plt.close(figure)
+        pictures[name] = buffer.getvalue()
+    return pictures
