@@ -1,0 +1,78 @@
+"""Proofs that the regulator equation has no smooth solution: resonance, poles on the parameter box."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import sympy
+
+from symbolic.exact_field import field_of
+from symbolic.identity import Box, printed, sample_points
+from symbolic.plant import COST_VARIABLE
+from symbolic.ranges import nonvanishing
+from symbolic.steady_state import NoSteadyState
+from symbolic.steady_state_series import Inconsistent, RegulatorProblem, Solved
+
+Point = Mapping[sympy.Symbol, sympy.Rational]
+
+
+def resonance(problem: RegulatorProblem, stuck: Inconsistent, box: Box) -> NoSteadyState:
+    """``fails`` with a rational point of the box at which the unsolvable linear system consists of numbers."""
+    proof = _refuted_at(problem, list(sample_points(_coefficient_symbols(problem), box)))
+    if proof is not None:
+        return proof
+    equation = str(problem.z[stuck.component])
+    return NoSteadyState("unknown", f"the terms in {stuck.monomial} of the equation of {equation} could not be matched",
+                         {"monomial": str(stuck.monomial), "equation": equation})
+
+
+def pole(problem: RegulatorProblem, solved: Solved, box: Box) -> NoSteadyState | None:
+    """``None`` if no coefficient of z* has a pole for w in the box and any s.
+
+    A coefficient that the equation determines, and whose denominator changes its sign on the box, is unbounded near
+    some zero of that denominator, because numerator and denominator are coprime: then no continuous z* exists. At
+    a rational zero the system is solved again with numbers.
+    """
+    expanded_in_s = COST_VARIABLE in problem.variables
+    line: Box = box if expanded_in_s else {**box, COST_VARIABLE: None}
+    for coefficient in solved.coefficients:
+        denominator = sympy.fraction(sympy.together(coefficient))[1]
+        answer = nonvanishing(denominator, line)
+        if answer.verdict == "holds":
+            continue
+        certain = answer.verdict == "fails"
+        reason = f"the coefficient {coefficient} of z* {'has' if certain else 'may have'} a pole: {answer.reason}"
+        evidence = {"denominator": str(denominator), **{f"point {k}": _shown(at) for k, at in enumerate(answer.at, 1)}}
+        if certain and len(answer.at) == 2 and solved.unique and not field_of([coefficient]).kernels:
+            return NoSteadyState("fails", reason, evidence)
+        if certain and len(answer.at) == 1:
+            zero = answer.at[0]
+            points = [{name: sympy.Rational(zero.get(str(name), value)) for name, value in other.items()}
+                      for other in sample_points(_coefficient_symbols(problem), box)]
+            proof = _refuted_at(problem, points)
+            if proof is not None:
+                return proof
+        return NoSteadyState("unknown", reason, evidence)
+    return None
+
+
+def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy.Rational]]) -> NoSteadyState | None:
+    for point in points:
+        stuck = problem.at(point).solve()
+        if isinstance(stuck, Inconsistent) and stuck.proved:
+            equation, where = str(problem.z[stuck.component]), printed(point)
+            at = f" at {_shown(where)}" if where else ""
+            return NoSteadyState(
+                "fails", f"the terms in {stuck.monomial} of the equation of {equation} cannot be matched{at}: the zero "
+                "dynamics resonate with the exosystem",
+                {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where})
+    return None
+
+
+def _coefficient_symbols(problem: RegulatorProblem) -> list[sympy.Symbol]:
+    found = {name for f in problem.f0 for name in f.free_symbols}
+    return sorted(found - {*problem.z, *problem.variables}, key=str)
+
+
+def _shown(point: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in point.items())
