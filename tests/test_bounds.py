@@ -261,9 +261,30 @@ def test_wide_boxes_scale() -> None:
 
 
 def test_a_supremum_of_zero_terminates() -> None:
-    bound = upper_bound(-((x - sympy.Rational(1, 3)) ** 2), {x: UNIT})
+    expression = -((x - sympy.Rational(1, 3)) ** 2)
+    bound = upper_bound(expression, {x: UNIT})
     assert 0 <= bound.value < Fraction(1, 10**15)
-    assert bound.boxes < 200
+    rough = upper_bound(expression, {x: UNIT}, atol=Fraction(1, 1000))
+    assert 0 <= rough.value < Fraction(1, 1000)
+    assert rough.boxes < 100
+
+
+@pytest.mark.parametrize("expression", [x**2 + sympy.log(1 + sympy.exp(10 * x)), sympy.tanh(10 * x)])
+def test_a_huge_first_enclosure_does_not_end_the_search(expression: sympy.Expr) -> None:
+    bound = upper_bound(sympy.diff(expression, x, 2), {x: interval(-4, 4)})
+    assert bound.attained <= bound.value <= bound.attained * Fraction(102, 100)
+
+
+def test_the_point_where_the_best_value_is_attained_is_named() -> None:
+    for expression in (x**2 - y, x / (2 + y**2), sympy.sin(x) * y, x * y):
+        box = {x: interval("-1/3", "1/7"), y: interval("1/3", 3)}
+        bound = upper_bound(expression, box)
+        point = dict(bound.point)
+        assert all(box[name].lo <= point[name] <= box[name].hi for name in box)
+        assert bound.attained <= _value(expression, point) + sympy.Rational(1, 10**30)
+    largest = magnitude_bound(x - y, {x: UNIT, y: interval(0, 3)})
+    assert largest.value == 4
+    assert dict(largest.point) == {x: Fraction(-1), y: Fraction(3)}
 
 
 def test_known_minimum_of_the_six_hump_camel_function() -> None:

@@ -30,15 +30,14 @@ from certify.bounds.balls import (
 from certify.bounds.ranges import Ends, Pair
 from symbolic.plant import Interval
 
-_NEGLIGIBLE_BITS = 60
-
 
 @dataclass(frozen=True)
 class Supremum:
-    """The supremum lies in ``[attained, value]``; ``boxes`` were examined."""
+    """The supremum lies in ``[attained, value]``; ``attained`` is at most the value at ``point``."""
 
     value: Fraction
     attained: Fraction
+    point: tuple[Fraction, ...]
     boxes: int
 
 
@@ -61,16 +60,17 @@ class Search:
     def __init__(self, expression: sympy.Expr, program: Program, sides: Sequence[Interval]) -> None:
         self.expression = expression
         self.program = program
+        self.sides = tuple(sides)
         self.root = tuple(pair for side in sides if (pair := to_ends(side)) is not None)
         self.true_ends = tuple((to_arb(side.lo), to_arb(side.hi)) for side in sides)
         self.is_point = tuple(side.is_point for side in sides)
         self.at_ends: tuple[bool, ...] | None = None
         self.best: arb | None = None
+        self.best_point: tuple[arb, ...] = ()
 
-    def run(self, rtol: Fraction, max_boxes: int, floor: Fraction | None) -> Supremum:
-        tolerance = to_arb(rtol)
+    def run(self, rtol: Fraction, atol: Fraction, max_boxes: int, floor: Fraction | None) -> Supremum:
+        relative, absolute = to_arb(rtol), to_arb(atol)
         enough = None if floor is None else to_arb(floor).lower()
-        negligible = self.negligible()
         finished: list[arb] = []
         frontier = [self.node(self.root, None)]
         examined = 1
@@ -80,7 +80,7 @@ class Search:
                 bound = max([bound, *finished])
                 if enough is not None and bound <= enough:
                     break
-                if self.best is not None and bound - self.best <= (tolerance * abs(bound)).max(negligible):
+                if self.best is not None and bound - self.best <= (relative * abs(bound)).max(absolute):
                     break
             node = heapq.heappop(frontier)
             parts = self.split(node)
@@ -97,13 +97,9 @@ class Search:
                 f"no finite bound was found with {examined} boxes; a pole or an undefined value is near"
             )
         value = max(upper(top) for top in tops if top is not None)
-        return Supremum(value, lower(self.best), examined)
-
-    def negligible(self) -> arb:
-        """A gap that is nothing next to the size of the expression: a relative one never closes at a zero supremum."""
-        whole = self.program.ends(self.root)
-        size = None if whole is None else ranges.absolute(whole)
-        return arb(0) if size is None else size[1] * arb(2) ** -_NEGLIGIBLE_BITS
+        point = self.rational(self.best_point)
+        exact = self.program.exact(point)
+        return Supremum(value, lower(self.best) if exact is None else exact, point, examined)
 
     def node(self, box: tuple[Pair, ...], parent: arb | None) -> Node:
         """Bound one box, and sample it."""
@@ -145,8 +141,15 @@ class Search:
             return None
         low = value.lower()
         if self.best is None or low > self.best:
-            self.best = low
+            self.best, self.best_point = low, tuple(point)
         return value
+
+    def rational(self, point: Sequence[arb]) -> tuple[Fraction, ...]:
+        """A sampled point in exact coordinates."""
+        return tuple(
+            side.lo if side.is_point or x == root[0] else side.hi if x == root[1] else lower(x)
+            for x, root, side in zip(point, self.root, self.sides, strict=True)
+        )
 
     @staticmethod
     def mean_value(centre: arb, box: Sequence[Pair], slopes: Sequence[Ends]) -> arb:

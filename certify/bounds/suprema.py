@@ -23,14 +23,15 @@ Box = Mapping[sympy.Symbol, Interval]
 
 @dataclass(frozen=True)
 class Bound:
-    """``value`` is proved to bound the expression on the box; the expression does reach ``attained`` somewhere on it.
+    """``value`` is proved to bound the expression on the box; at ``point`` the expression does reach ``attained``.
 
-    For an upper bound ``attained <= sup <= value``, for a lower one ``value <= inf <= attained``; ``boxes`` were
-    examined.
+    For an upper bound ``attained <= sup <= value``, for a lower one ``value <= inf <= attained``. The point lists the
+    symbols that occur (``dict(bound.point)``); ``boxes`` were examined.
     """
 
     value: Fraction
     attained: Fraction
+    point: tuple[tuple[sympy.Symbol, Fraction], ...]
     boxes: int
 
 
@@ -51,15 +52,16 @@ def upper_bound(
     box: Box,
     *,
     rtol: Fraction = DEFAULT_TOLERANCE,
+    atol: Fraction = Fraction(0),
     max_boxes: int = DEFAULT_BOXES,
     floor: Fraction | None = None,
 ) -> Bound:
-    """A proved upper bound of ``expression`` over ``box``, within ``rtol`` of the supremum if ``max_boxes`` suffice.
+    """A proved upper bound of ``expression`` over ``box``.
 
-    With a ``floor`` the search stops as soon as the bound is proved to be at most that. Symbols of the box that do not
-    occur are ignored. Raises ``ValueError`` for what cannot be compiled (``balls.compile_expression``) or a missing
-    symbol, and ``NonFiniteError`` when no finite bound is found: the expression has a pole, or may be undefined, on
-    the box.
+    It is within ``rtol`` (relative) or ``atol`` of the supremum if ``max_boxes`` suffice, and looser if not. With a
+    ``floor`` the search stops as soon as the bound is proved to be at most that. Symbols of the box that do not occur
+    are ignored. Raises ``ValueError`` for what cannot be compiled (``balls.compile_expression``) or a missing symbol,
+    and ``NonFiniteError`` when no finite bound is found: a pole is on the box, or an undefined value may be.
     """
     if not isinstance(expression, sympy.Expr):
         raise ValueError(f"{expression!r} is not a SymPy expression")
@@ -71,12 +73,12 @@ def upper_bound(
         raise ValueError("max_boxes must be positive")
     program = compile_expression(expression, names)
     sides = tuple(box[name] for name in names)
-    vertices = _vertex_maximum(program, sides)
+    vertices = _vertex_maximum(program, names, sides)
     if vertices is not None:
         return vertices
     with ctx.workprec(PRECISION):
-        supremum = Search(expression, program, sides).run(rtol, max_boxes, floor)
-    return Bound(supremum.value, supremum.attained, supremum.boxes)
+        supremum = Search(expression, program, sides).run(rtol, atol, max_boxes, floor)
+    return Bound(supremum.value, supremum.attained, tuple(zip(names, supremum.point, strict=True)), supremum.boxes)
 
 
 def lower_bound(
@@ -84,7 +86,7 @@ def lower_bound(
 ) -> Bound:
     """A proved lower bound of ``expression`` over ``box``; see ``upper_bound``."""
     bound = upper_bound(-expression, box, rtol=rtol, max_boxes=max_boxes)
-    return Bound(-bound.value, -bound.attained, bound.boxes)
+    return Bound(-bound.value, -bound.attained, bound.point, bound.boxes)
 
 
 def range_bound(
@@ -103,12 +105,11 @@ def magnitude_bound(
     """A proved upper bound of ``|expression|`` over ``box``; see ``upper_bound``."""
     above = upper_bound(expression, box, rtol=rtol, max_boxes=max_boxes)
     below = upper_bound(-expression, box, rtol=rtol, max_boxes=max_boxes, floor=above.value)
-    return Bound(
-        max(above.value, below.value), max(above.attained, below.attained, Fraction(0)), above.boxes + below.boxes
-    )
+    larger = max(above, below, key=lambda bound: bound.attained)
+    return Bound(max(above.value, below.value), larger.attained, larger.point, above.boxes + below.boxes)
 
 
-def _vertex_maximum(program: Program, sides: Sequence[Interval]) -> Bound | None:
+def _vertex_maximum(program: Program, names: Sequence[sympy.Symbol], sides: Sequence[Interval]) -> Bound | None:
     """The exact maximum of a multi-affine polynomial with rational coefficients: it is reached at a vertex."""
     wide = [side for side in sides if not side.is_point]
     if any(
@@ -117,11 +118,11 @@ def _vertex_maximum(program: Program, sides: Sequence[Interval]) -> Bound | None
         return None
     if 1 << len(wide) > _MOST_VERTICES:
         return None
-    values = []
+    values: list[tuple[Fraction, tuple[Fraction, ...]]] = []
     for vertex in product(*((side.lo,) if side.is_point else (side.lo, side.hi) for side in sides)):
         value = program.exact(vertex)
         if value is None:
             return None
-        values.append(value)
-    best = max(values)
-    return Bound(best, best, len(values))
+        values.append((value, vertex))
+    best, point = max(values)
+    return Bound(best, best, tuple(zip(names, point, strict=True)), len(values))
