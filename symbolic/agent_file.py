@@ -20,6 +20,7 @@ MAX_ZERO_STATES = 16
 MAX_PARAMETERS = 64
 MAX_AGENT_CONSTANTS = 200
 MAX_INTERNAL_MODEL = 64
+MAX_TEXT = 5_000_000
 
 _KEYS = ("ids", "zero_dynamics", "order", "f", "b", "cost", "constants", "uncertain", "steady_state",
          "zero_dynamics_lyapunov", "internal_model", "gamma", "observer")
@@ -31,10 +32,17 @@ def read_agents(root: Table, count: int, scope: Scope) -> tuple[Agent, ...]:
     where = root.at("agent")
     initial = InitialTable(Table(root.need("initial"), root.at("initial")))
     agents: dict[int, Agent] = {}
+    length = 0
+    if isinstance(root.need("agent"), dict):
+        raise where.error("agents are given as [[agent]] tables, with two brackets")
     tables = array(root.need("agent"), where, most=count, what="tables")
     for position, entry in enumerate(tables, 1):
         table = Table(entry, where.at(position), _KEYS)
-        for number in _ids(table.need("ids"), table.at("ids"), count):
+        numbers = list(_ids(table.need("ids"), table.at("ids"), count))
+        length += len(numbers) * _text_length(table.entries)
+        if length > MAX_TEXT:
+            raise where.error(f"the expressions of all agents together have more than {MAX_TEXT} characters")
+        for number in numbers:
             if number in agents:
                 raise table.at("ids").error(f"agent {number} is described twice")
             agents[number] = _agent(table, number, scope.with_id(number), initial)
@@ -43,7 +51,7 @@ def read_agents(root: Table, count: int, scope: Scope) -> tuple[Agent, ...]:
         raise where.error(f"agent {missing[0]} has no [[agent]] table" if len(missing) == 1 else
                           f"agents {', '.join(map(str, missing[:5]))}{'...' if len(missing) > 5 else ''} have no "
                           "[[agent]] table")
-    initial.check_keys(agents.values())
+    initial.check(agents.values(), scope.with_id(1))
     return tuple(agents[number] for number in sorted(agents))
 
 
@@ -66,7 +74,17 @@ def _ids(value: Value, where: Where, count: int) -> Iterator[int]:
         yield from range(first, last + 1)
 
 
+def _text_length(value: Value) -> int:
+    """The characters of all strings in a tree, a bound on the work that reading it takes."""
+    if isinstance(value, dict):
+        return sum(map(_text_length, value.values()))
+    if isinstance(value, list):
+        return sum(map(_text_length, value))
+    return len(value) if isinstance(value, str) else 1
+
+
 def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Agent:
+    outer = scope
     order = integer(table.need("order"), table.at("order"), least=1, most=MAX_ORDER)
     zero = table.table("zero_dynamics")
     if len(zero.entries) > MAX_ZERO_STATES:
@@ -86,7 +104,7 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Ag
         zero_states=tuple(symbol(name) for name in scope.zero_states), zero_dynamics=reader.zero_dynamics(zero),
         f=reader.right_hand_side(), b=reader.input_gain(), cost=reader.cost(),
         parameters=tuple(symbol(name) for name in scope.parameters), parameter_box=box,
-        initial=initial.box_of(order, scope.zero_states, scope),
+        initial=initial.box_of(order, scope.zero_states, outer),
         steady_state=reader.steady_state(), lyapunov=reader.lyapunov(), internal_model=reader.internal_model(),
         gamma=reader.numbers("gamma", order - 1), observer=reader.numbers("observer", order))
 

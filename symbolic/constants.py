@@ -8,7 +8,7 @@ import sympy
 from flint import arb, ctx, fmpq
 
 PRECISION = 256
-LARGEST = arb(2) ** 20_000
+LARGEST = arb(2) ** 10_000
 
 FUNCTION_BALLS = {
     sympy.sin: arb.sin, sympy.cos: arb.cos, sympy.tan: arb.tan, sympy.exp: arb.exp, sympy.log: arb.log,

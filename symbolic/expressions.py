@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
-from difflib import get_close_matches
 from fractions import Fraction
 from functools import lru_cache
 
@@ -17,10 +16,10 @@ import sympy
 from flint import arb
 
 from symbolic.constants import FUNCTION_BALLS, LARGEST, as_fraction, as_rational, enclose
-from symbolic.errors import Where, quoted
+from symbolic.errors import Where, nearest, quoted
 from symbolic.grammar import Call, ExpressionError, Name, Negative, Node, Number, Power, Product, Sum, parse
 from symbolic.plant import symbol
-from symbolic.size import MAX_EXPONENT, Size, size_of_power, size_of_product, size_of_sum
+from symbolic.size import MAX_EXPONENT, MAX_ROOT_BITS, Size, size_of_power, size_of_product, size_of_sum
 
 Names = Mapping[str, sympy.Expr] | Set[str]
 
@@ -102,9 +101,9 @@ def _walk(node: Node) -> Iterator[Name]:
 
 
 def _unknown(name: str, values: Mapping[str, sympy.Expr]) -> str:
-    near = get_close_matches(name, values, n=1)
+    near = nearest(name, values)
     if near:
-        return f"unknown name {quoted(name)}; did you mean {quoted(near[0])}?"
+        return f"unknown name {quoted(name)}; did you mean {quoted(near)}?"
     known = ", ".join(sorted(values)[:20])
     return f"unknown name {quoted(name)}; " + (f"known here: {known}" if known else "no names are known here")
 
@@ -115,8 +114,12 @@ def _measured(expr: sympy.Expr) -> _Value:
         return _Value(expr, Size(1, 1, 0), None)
     if expr.free_symbols:
         raise ValueError(f"a name may stand for a symbol or a constant, not for {expr}")
-    bits = sum(int(n.p).bit_length() + int(n.q).bit_length() for n in expr.atoms(sympy.Rational))
+    bits = sum(map(_bits, expr.atoms(sympy.Rational)))
     return _Value(expr, Size(0, 1, bits), enclose(expr))
+
+
+def _bits(number: sympy.Rational) -> int:
+    return int(number.p).bit_length() + int(number.q).bit_length()
 
 
 def _build(node: Node, names: Mapping[str, _Value]) -> _Value:
@@ -181,6 +184,8 @@ def _power(base: _Value, exponent: int, node: Node) -> _Value:
 def _call(function: str, argument: _Value, node: Node) -> _Value:
     if function == "exp" and argument.expr.has(sympy.log):
         raise ExpressionError("log inside exp; write the power instead", node.column)
+    if function == "sqrt" and any(_bits(number) > MAX_ROOT_BITS for number in argument.expr.atoms(sympy.Rational)):
+        raise ExpressionError(f"sqrt of a number with more than {MAX_ROOT_BITS} bits", node.column)
     result = _FUNCTIONS[function](argument.expr)
     for part in sympy.preorder_traversal(result):
         if part in (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I):

@@ -33,14 +33,18 @@ class InitialTable:
             observer=None if measured else self._components("observer", chain, scope),
             eta=self._one("eta", scope), reference=self._one("reference", scope))
 
-    def check_keys(self, agents: Iterable[Agent]) -> None:
-        """Refuses a component that no agent has."""
+    def check(self, agents: Iterable[Agent], scope: Scope) -> None:
+        """Refuses a component that no agent has, and faults in entries that no agent used."""
+        if "box" in self.table:
+            interval(self.table.entries["box"], self.table.at("box"), scope.constants)
         agents = list(agents)
         chain = sorted({str(state) for agent in agents for state in agent.chain}, key=lambda name: int(name[1:]))
         zero = sorted({str(state) for agent in agents for state in agent.zero_states})
         for key, names in (("z", zero), ("x", chain), ("observer", chain)):
             if isinstance(self.table.entries.get(key), dict):
                 self.table.table(key, names)
+            elif key in self.table and not names:
+                interval(self.table.entries[key], self.table.at(key), scope.constants)
 
     def _one(self, key: str, scope: Scope) -> Interval:
         used = key if key in self.table else "box"
@@ -56,9 +60,12 @@ class InitialTable:
             return tuple(interval(value[name], where.at(name), scope.constants) if name in value
                          else self._default(key, name, scope) for name in names)
         if isinstance(value, list) and not is_interval(value):
-            entries = array(value, where, most=len(names))
+            entries = array(value, where)
             if len(entries) != len(names):
                 raise where.error(f"one interval for each of {', '.join(names)} is needed, found {len(entries)}")
+            for k, entry in enumerate(entries, 1):
+                if not is_interval(entry):
+                    raise where.at(k).error("an interval is a pair [lo, hi]; write [1, 1] for a point")
             return tuple(interval(entry, where.at(k), scope.constants) for k, entry in enumerate(entries, 1))
         return (self._one(key, scope),) * len(names)
 

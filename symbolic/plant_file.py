@@ -10,7 +10,7 @@ from pathlib import Path
 import sympy
 
 from symbolic.agent_file import MAX_AGENTS, read_agents
-from symbolic.errors import InputError, Where, quoted
+from symbolic.errors import InputError, Where, quoted, shown
 from symbolic.names import Scope
 from symbolic.plant import Digraph, Edge, Exosystem, Interval, Plant, RequestedGains, symbol
 from symbolic.tables import (
@@ -89,7 +89,7 @@ def _network(table: Table) -> Digraph:
             raise where.error(f"the edge {source} -> {target} is given twice")
         weight = number(pair[1], where, {})
         if weight <= 0:
-            raise where.error(f"a weight is positive, found {weight}")
+            raise where.error(f"a weight is positive, found {shown(weight)}")
         edges[source, target] = Edge(source, target, weight)
     return Digraph(agents, tuple(edges.values()))
 
@@ -110,7 +110,7 @@ def _exosystem(table: Table, scope: Scope, given: bool) -> tuple[Exosystem, Scop
 def _square(value: object, where: Where, constants: Mapping[str, sympy.Expr], size: int) -> sympy.ImmutableMatrix:
     rows = []
     for i, row in enumerate(array(value, where, most=MAX_EXOSYSTEM, what="rows"), 1):
-        entries = array(row, where.at(i), most=MAX_EXOSYSTEM)
+        entries = array(row, where.at(i), most=MAX_EXOSYSTEM, what="columns")
         rows.append([constant(entry, where.at(i).at(j), constants) for j, entry in enumerate(entries, 1)])
     if len(rows) != size or any(len(row) != size for row in rows):
         raise where.error(f"a {size} by {size} matrix is needed, one row and column per state")

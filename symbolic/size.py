@@ -9,7 +9,8 @@ from math import comb, prod
 MAX_EXPONENT = 64
 MAX_DEGREE = 256
 MAX_TERMS = 50_000
-MAX_BITS = 20_000
+MAX_BITS = 10_000
+MAX_ROOT_BITS = 1_024  # SymPy looks for the square factors of a number under a root
 
 
 @dataclass(frozen=True)
