@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import sympy
-
 from symbolic.constants import as_rational
 from symbolic.plant import Agent
 

@@ -22,8 +22,9 @@ _LINE_SAMPLES = (Fraction(0), Fraction(1), Fraction(-1), Fraction(10), Fraction(
 _FUNCTION_RANGES: dict[type, Range] = {
     sympy.sin: (Fraction(-1), Fraction(1)), sympy.cos: (Fraction(-1), Fraction(1)),
     sympy.tanh: (Fraction(-1), Fraction(1)), sympy.atan: (Fraction(-2), Fraction(2)),
-    sympy.exp: (Fraction(0), None), sympy.cosh: (Fraction(1), None), sympy.sinh: EVERYTHING,
+    sympy.exp: (Fraction(0), None), sympy.cosh: (Fraction(1), None),
 }
+_INCREASING = (sympy.exp, sympy.sinh, sympy.tanh, sympy.atan)
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,12 @@ def enclosure(expr: sympy.Expr, box: Mapping[sympy.Symbol, Range]) -> Range:
         return power if expr.exp > 0 else _reciprocal(power)
     if isinstance(expr, sympy.Pow) and isinstance(expr.exp, sympy.Rational):
         return Fraction(0), None
-    return _FUNCTION_RANGES.get(expr.func, EVERYTHING)
+    least, greatest = _FUNCTION_RANGES.get(expr.func, EVERYTHING)
+    if expr.func in _INCREASING:
+        lo, hi = enclosure(expr.args[0], box)
+        least = least if lo is None else _constant(expr.func(as_rational(lo)))[0]
+        greatest = greatest if hi is None else _constant(expr.func(as_rational(hi)))[1]
+    return least, greatest
 
 
 def as_range(interval: Interval | None) -> Range:
@@ -83,6 +89,10 @@ def as_range(interval: Interval | None) -> Range:
 
 
 def _factors(expr: sympy.Expr) -> list[sympy.Expr]:
+    if isinstance(expr, sympy.Mul):
+        return [factor for part in expr.args for factor in _factors(part)]
+    if isinstance(expr, sympy.exp):
+        return []
     if not expr.free_symbols or not expr.is_polynomial(*expr.free_symbols) or expr.has(sympy.Function):
         return [expr]
     content, factors = sympy.factor_list(expr)

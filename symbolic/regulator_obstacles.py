@@ -22,7 +22,7 @@ def resonance(problem: RegulatorProblem, stuck: Inconsistent, box: Box) -> NoSte
     if proof is not None:
         return proof
     equation = str(problem.z[stuck.component])
-    return NoSteadyState("unknown", f"the terms in {stuck.monomial} of the equation of {equation} could not be matched",
+    return NoSteadyState("unknown", f"{_terms(stuck)} of the equation of {equation} could not be matched",
                          {"monomial": str(stuck.monomial), "equation": equation})
 
 
@@ -63,8 +63,8 @@ def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy
             equation, where = str(problem.z[stuck.component]), printed(point)
             at = f" at {_shown(where)}" if where else ""
             return NoSteadyState(
-                "fails", f"the terms in {stuck.monomial} of the equation of {equation} cannot be matched{at}: the zero "
-                "dynamics resonate with the exosystem",
+                "fails", f"{_terms(stuck)} of the equation of {equation} cannot be matched{at}: the zero dynamics resonate "
+                "with the exosystem",
                 {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where})
     return None
 
@@ -72,6 +72,10 @@ def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy
 def _coefficient_symbols(problem: RegulatorProblem) -> list[sympy.Symbol]:
     found = {name for f in problem.f0 for name in f.free_symbols}
     return sorted(found - {*problem.z, *problem.variables}, key=str)
+
+
+def _terms(stuck: Inconsistent) -> str:
+    return f"the terms in {stuck.monomial}" if stuck.degree else "the terms without v"
 
 
 def _shown(point: Mapping[str, str]) -> str:
