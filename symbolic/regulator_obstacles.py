@@ -63,8 +63,8 @@ def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy
             equation, where = str(problem.z[stuck.component]), printed(point)
             at = f" at {_shown(where)}" if where else ""
             return NoSteadyState(
-                "fails", f"{_terms(stuck)} of the equation of {equation} cannot be matched{at}: the zero dynamics resonate "
-                "with the exosystem",
+                "fails", f"{_terms(stuck)} of the equation of {equation} cannot be matched{at}: the zero dynamics "
+                "resonate with the exosystem",
                 {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where})
     return None
 
