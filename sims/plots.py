@@ -32,8 +32,20 @@ def plot_references(trajectory: Trajectory, ax: Axes | None = None) -> Axes:
 
 
 def plot_inputs(trajectory: Trajectory, ax: Axes | None = None) -> Axes:
-    """Inputs ``u_i(t)``: saturated feedback plus the internal model's output."""
+    """Inputs ``u_i(t)``: saturated feedback plus the internal model's output.
+
+    The limits show what follows the first fiftieth of the run; a higher peak at the start is written above the axes.
+    """
     ax = _draw(trajectory.t, trajectory.u, "u", ax)
+    later = trajectory.u[:, trajectory.t > trajectory.t[-1] / 50]
+    later = later[np.isfinite(later)]
+    peak = float(np.nanmax(np.abs(trajectory.u)))
+    if later.size and peak > 3 * np.abs(later).max():
+        margin = 0.1 * np.ptp(later) + 1e-9
+        ax.set_ylim(later.min() - margin, later.max() + margin)
+        agent, sample = np.unravel_index(np.nanargmax(np.abs(trajectory.u)), trajectory.u.shape)
+        where = f"$|u_{{{agent + 1}}}|$ = {peak:.3g} at $t$ = {trajectory.t[sample]:.3g} s"
+        ax.annotate(where, (0.0, 1.0), (2, 3), "axes fraction", "offset points", fontsize="small")
     return _finish(ax, "input $u_i$", len(trajectory.agents))
 
 

@@ -501,5 +501,6 @@ def test_plots_label_their_axes(run: Trajectory) -> None:
         assert len({line.get_color() for line in ax.lines[:5]}) == 5
     assert axes[0, 0].lines[-1].get_linestyle() == "--" and axes[0, 0].lines[-1].get_ydata()[0] == run.optimum
     assert axes[1, 1].get_yscale() == "log"
+    assert axes[1, 0].get_ylim()[1] < 200 and "$ = 9" in axes[1, 0].texts[0].get_text()  # the first peak is written
     assert plot_outputs(run).get_title() == ""
     plt.close("all")
