@@ -115,6 +115,12 @@ def lyapunov_form(A: Matrix, P: Matrix, decay: Fraction | int = 0) -> Matrix:
     return add(add(product, transpose(product)), scale(2 * decay, P))
 
 
+def characteristic_polynomial(A: Matrix) -> Row:
+    """Coefficients of ``det(λI − A)``, leading one first."""
+    coefficients = to_flint(A).charpoly().coeffs()
+    return tuple(Fraction(int(entry.p), int(entry.q)) for entry in reversed(coefficients))
+
+
 def kronecker(A: Matrix, B: Matrix) -> Matrix:
     """``A ⊗ B``."""
     return tuple(tuple(a * b for a in p for b in q) for p in A for q in B)
