@@ -37,8 +37,9 @@ class ErrorSystem:
     in the original states and ``estimate = ϑ − E2(h) e`` in the new ones.
 
     The functions are in the new coordinates: ``f0_bar, f0_hat`` (one entry per zero state), ``f1_bar, f2_bar, f_hat,
-    epsilon``, and ``xn_dot`` = ẋ_n. For n = 1 there is no x̂, and f̄0 and f̄1 see x̄_1 = ϑ. Parameters whose interval is
-    a point are replaced by their value.
+    epsilon``, and ``xn_dot`` = ẋ_n. For n = 1 there is no x̂, f̄0 and f̄1 see x̄_1 = ϑ, and the controller measures ϑ, so
+    it needs no observer; e_1 is kept for those who run one. Parameters whose interval is a point are replaced by their
+    value.
     """
 
     agent: Agent

@@ -28,8 +28,8 @@ class DesignSymbols:
 class ErrorSymbols:
     """New coordinates ``z̄, x̂, η̃, ϑ, e``, the controller's states ``η, x̃``, the reference and the free input ``ū``.
 
-    ``xbar`` and ``zstar`` stand for x̄ and z*(s*, v, w), ``f0_bar … epsilon`` for the functions of the error system, where a
-    formula is shorter in them.
+    ``xbar`` and ``zstar`` stand for x̄ and z*(s*, v, w), ``f0_bar … epsilon`` for the functions of the error system,
+    where a formula is shorter in them.
     """
 
     zbar: Symbols
@@ -67,8 +67,9 @@ def error_symbols(zero_states: int, order: int, internal_order: int, taken: Iter
         return tuple(fresh(f"{name}{k}") for k in range(1, count + 1))
 
     return ErrorSymbols(
-        zbar=several("zbar", zero_states), xhat=several("xhat", order - 1), etatilde=several("etatilde", internal_order),
-        vartheta=fresh("vartheta"), e=several("e", order), eta=several("eta", internal_order),
+        zbar=several("zbar", zero_states), xhat=several("xhat", order - 1),
+        etatilde=several("etatilde", internal_order), vartheta=fresh("vartheta"), e=several("e", order),
+        eta=several("eta", internal_order),
         observer=several("xtilde", order), reference=fresh("yr"), reference_rate=fresh("yr_dot"), ubar=fresh("ubar"),
         xbar=several("xbar", order), zstar=several("zstar", zero_states),
         f0_bar=several("f0_bar", zero_states), f0_hat=several("f0_hat", zero_states), f1_bar=fresh("f1_bar"),
