@@ -25,9 +25,9 @@ _BEND = 0.14
 
 
 def draw_network(digraph: Digraph, width: float, height: float) -> Figure:
-    """Nodes with their ``r_i`` (``rᵀL = 0``, ``Σ r_i = 1``), arrows with their weight where it is not 1; sizes in inches.
+    """Nodes with their ``r_i`` (``rᵀL = 0``, ``Σ r_i = 1``), arrows with their weight where it is not 1; inches.
 
-    A digraph that is not strongly connected has no positive ``r``: its components without entering edges are coloured instead.
+    A digraph that is not strongly connected has no positive ``r``: its components that no edge enters are coloured.
     """
     figure = Figure(figsize=(width, height))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -49,7 +49,7 @@ def draw_network(digraph: Digraph, width: float, height: float) -> Figure:
 
 
 def layout(digraph: Digraph) -> Positions:
-    """A circle in the order of the ids, agent 1 at the top (on the left of two), for few agents; distances of the graph for many."""
+    """A circle in the order of the ids for few agents; distances of the graph for many."""
     ids = range(1, digraph.agents + 1)
     if digraph.agents <= CIRCLE_UP_TO:
         top = np.pi if digraph.agents == 2 else np.pi / 2
@@ -71,8 +71,16 @@ def _draw_edges(axes: Axes, digraph: Digraph, positions: Positions, radius: floa
         start, end = positions[edge.source], positions[edge.target]
         axes.add_patch(
             FancyArrowPatch(
-                tuple(start), tuple(end), connectionstyle=f"arc3,rad={_BEND}", arrowstyle="-|>", mutation_scale=0.9 * radius,
-                shrinkA=radius, shrinkB=radius, linewidth=0.9, color="#444444", zorder=1,
+                tuple(start),
+                tuple(end),
+                connectionstyle=f"arc3,rad={_BEND}",
+                arrowstyle="-|>",
+                mutation_scale=0.9 * radius,
+                shrinkA=radius,
+                shrinkB=radius,
+                linewidth=0.9,
+                color="#444444",
+                zorder=1,
             )
         )
         if edge.weight != 1:
@@ -82,13 +90,29 @@ def _draw_edges(axes: Axes, digraph: Digraph, positions: Positions, radius: floa
 
 
 def _draw_nodes(axes: Axes, digraph: Digraph, positions: Positions, radius: float) -> None:
-    heard_by_nobody_else = {agent: k for k, cut in enumerate(c for c in cuts(digraph) if c.hears_nobody) for agent in cut.component}
+    heard_by_nobody_else = {
+        agent: k for k, cut in enumerate(c for c in cuts(digraph) if c.hears_nobody) for agent in cut.component
+    }
     for agent, place in positions.items():
         number = heard_by_nobody_else.get(agent)
         colour = _NODE if number is None else COLOURS[(1 + number) % len(COLOURS)]
-        axes.plot(*place, "o", markersize=2 * radius, markerfacecolor=colour, markeredgecolor="#1f4e79", markeredgewidth=1.0, zorder=2)
+        axes.plot(
+            *place,
+            "o",
+            markersize=2 * radius,
+            markerfacecolor=colour,
+            markeredgecolor="#1f4e79",
+            markeredgewidth=1.0,
+            zorder=2,
+        )
         axes.text(
-            *place, str(agent), ha="center", va="center", zorder=3, fontsize=0.95 * radius if digraph.agents <= LABELS_UP_TO else 6.5,
+            float(place[0]),
+            float(place[1]),
+            str(agent),
+            ha="center",
+            va="center",
+            zorder=3,
+            fontsize=0.95 * radius if digraph.agents <= LABELS_UP_TO else 6.5,
             color="white" if number is not None else "black",
         )
 
@@ -100,11 +124,26 @@ def _draw_weights_of_agents(axes: Axes, positions: Positions, r: tuple[Fraction,
         direction = outward / np.linalg.norm(outward) if np.any(outward) else np.array([0.0, 1.0])
         align = "left" if direction[0] > 0.3 else "right" if direction[0] < -0.3 else "center"
         axes.annotate(
-            f"$r_{{{agent}}} = {fraction(r[agent - 1]).text}$", place, xytext=tuple(1.75 * radius * direction), textcoords="offset points",
-            ha=align, va="center", fontsize=9, color="#1f4e79",
+            f"$r_{{{agent}}} = {fraction(r[agent - 1]).text}$",
+            (float(place[0]), float(place[1])),
+            xytext=tuple(1.75 * radius * direction),
+            textcoords="offset points",
+            ha=align,
+            va="center",
+            fontsize=9,
+            color="#1f4e79",
         )
 
 
 def _label(axes: Axes, place: NDArray[np.float64], text: str, colour: str) -> None:
-    axes.text(*place, text, ha="center", va="center", fontsize=8, color=colour, zorder=4,
-              bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"})
+    axes.text(
+        float(place[0]),
+        float(place[1]),
+        text,
+        ha="center",
+        va="center",
+        fontsize=8,
+        color=colour,
+        zorder=4,
+        bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"},
+    )

@@ -24,7 +24,7 @@ _GUARD_DIGITS = 12
 
 @dataclass(frozen=True)
 class Shown:
-    """A number as text, ASCII such as ``-0.0625``, ``2/11`` or ``4.217e44``; ``log10`` is given beside large and small ones."""
+    """A number as ASCII text: ``-0.0625``, ``2/11``, ``4.217e44``; ``log10`` is given beside large and small ones."""
 
     text: str
     exact: bool
@@ -67,7 +67,7 @@ def scientific(value: Fraction | int, significant: int = SIGNIFICANT, rounding: 
 
 
 def log10(value: Fraction | int, digits: int = LOG10_DIGITS) -> str:
-    """log₁₀ of a positive number, correctly rounded to ``digits`` decimals. Raises ``ValueError`` if it is not positive.
+    """log₁₀ of a positive number, correctly rounded to ``digits`` decimals. Raises ``ValueError`` for others.
 
     Digit ``k`` of the fractional part is the exponent of the mantissa's ``10^k``-th power, followed in fixed-point
     intervals. A logarithm in the middle of two decimals is irrational, so a wider interval decides in the end.
@@ -140,7 +140,7 @@ def _scaled(x: Fraction, significant: int, rounding: Rounding) -> tuple[int, int
     exponent = floor_log10(x)
     shift = significant - 1 - exponent
     scaled = x * 10**shift if shift >= 0 else x / 10**-shift
-    mantissa = {"nearest": round, "up": _ceil, "down": _floor}[rounding](scaled)
+    mantissa = round(scaled) if rounding == "nearest" else _ceil(scaled) if rounding == "up" else _floor(scaled)
     if abs(mantissa) == 10**significant:
         return mantissa // 10, exponent + 1
     return mantissa, exponent

@@ -8,6 +8,7 @@ from datetime import UTC, date, datetime
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
+from certify.certificate import claim_digest
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Interval, Plant
@@ -25,10 +26,10 @@ Status = Literal["certified", "refuted", "inconclusive"]
 class Study:
     """One plant and what was found about it.
 
-    ``optimum`` is ``s*`` where it is rational, ``optimum_enclosure`` encloses it. ``certificate`` is the certificate as read
-    (docs/certificate.md); left out, it is that of ``gains``. ``verification`` is the answer of the independent checker:
-    ``{"status": "verified" | "rejected", "claim_sha256": …, "reason": …}``. ``simulated`` is the controller of ``trajectory``,
-    which need not be the certified one. ``versions`` maps names of tools and libraries to versions.
+    ``optimum`` is ``s*`` where it is rational, ``optimum_enclosure`` encloses it. ``certificate`` is the certificate as
+    read (docs/certificate.md); left out, it is that of ``gains``. ``verification`` is the answer of the independent
+    checker: ``{"status": "verified" | "rejected", "claim_sha256": …, "reason": …}``. ``simulated`` is the controller of
+    ``trajectory``, which need not be the certified one. ``versions`` maps names of tools and libraries to versions.
     """
 
     plant: Plant
@@ -66,19 +67,27 @@ class Conclusion:
 def conclusion(study: Study) -> Conclusion:
     """The strongest statement the study supports; anything short of a certificate has its reason in front.
 
-    An assumption that fails or a certificate that the checker rejects refutes; a certificate that was found but not checked is
-    reported as certified and not verified.
+    An assumption that fails or a certificate that the checker rejects refutes; a certificate that was found but not
+    checked is reported as certified and not verified, and so is one of another claim than the checker's.
     """
     failed = _first_finding(study, "fails")
     if failed:
         return Conclusion("refuted", failed, False)
     answer = study.verification
     if answer is not None and answer["status"] == "rejected":
-        return Conclusion("refuted", f"the checker rejects the certificate: {answer.get('reason') or 'no reason given'}", False)
-    verified = answer is not None and answer["status"] == "verified"
+        return Conclusion(
+            "refuted", f"the checker rejects the certificate: {answer.get('reason') or 'no reason given'}", False
+        )
+    certificate = study.found_certificate
+    verified = (
+        answer is not None
+        and answer["status"] == "verified"
+        and certificate is not None
+        and answer["claim_sha256"] == claim_digest(dict(certificate))
+    )
     if study.gains is not None and study.gains.status != "certified":
         return Conclusion(study.gains.status, study.gains.reason, False)
-    if study.found_certificate is not None:
+    if certificate is not None:
         return Conclusion("certified", "", verified)
     undecided = _first_finding(study, "unknown")
     return Conclusion("inconclusive", undecided or "no certificate was sought", False)

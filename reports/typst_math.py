@@ -18,10 +18,16 @@ from sympy.printing.printer import Printer
 from reports.numbers import Shown, shown
 
 GREEK = frozenset(
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho sigma tau upsilon phi chi psi omega"
-    " Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega".split()
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho sigma tau upsilon phi chi"
+    " psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega".split()
 )
-VARIANTS = {"vartheta": "theta.alt", "varepsilon": "epsilon.alt", "varphi": "phi.alt", "varsigma": "sigma.alt", "varpi": "pi.alt"}
+VARIANTS = {
+    "vartheta": "theta.alt",
+    "varepsilon": "epsilon.alt",
+    "varphi": "phi.alt",
+    "varsigma": "sigma.alt",
+    "varpi": "pi.alt",
+}
 ACCENTS = {"bar": "overline", "hat": "hat", "tilde": "tilde", "dot": "dot"}
 _NAME = re.compile(r"(?P<base>[^\d_]+)_?(?P<index>[A-Za-z0-9_]*)(?P<star>\*?)")
 _FUNCTIONS = {"atan": "arctan", "log": "ln"}
@@ -61,12 +67,17 @@ def number_text(text: str) -> str:
     return sign + body
 
 
-def symbol_text(name: str) -> str:
-    """A symbol's name in Typst math: ``p12`` → ``p_(12)``, ``theta`` → ``theta``, ``x_hat`` → ``x_("hat")``, ``zbar1`` → ``overline(z)_(1)``."""
+def dotted(symbol: sympy.Symbol) -> str:
+    """The time derivative of a state in Typst math, the dot over its letter: ``dot(z)_(1)``."""
+    return symbol_text(symbol.name, "dot")
+
+
+def symbol_text(name: str, accent: str = "") -> str:
+    """A symbol's name in Typst math: ``p12`` → ``p_(12)``, ``theta`` → ``theta``, ``zbar1`` → ``overline(z)_(1)``."""
     match = _NAME.fullmatch(name)
     if match is None:
-        return _quoted(name)
-    text = _base(match["base"])
+        return f"{accent}({_quoted(name)})" if accent else _quoted(name)
+    text = f"{accent}({_base(match['base'])})" if accent else _base(match["base"])
     index = "".join(_index(part) for part in match["index"].split("_") if part)
     star = "^(star.op)" if match["star"] else ""
     return f"{text}{f'_({index.strip()})' if index else ''}{star}"
@@ -152,38 +163,36 @@ class TypstPrinter(Printer):
         if denominator != 1:
             coefficient, rest = numerator.as_coeff_Mul()
             if isinstance(denominator, sympy.Integer) and rest is not sympy.S.One:
-                return f"{self._print(coefficient / denominator)} {self._factor(rest)}"
+                return f"{self._print(coefficient / denominator)} {self._parenthesised(rest, PRECEDENCE['Mul'])}"
             return f"frac({self._print(numerator)}, {self._print(denominator)})"
         text = ""
         for factor in expr.as_ordered_factors():
-            printed = self._factor(factor)
+            printed = self._parenthesised(factor, PRECEDENCE["Mul"])
             glue = " dot " if text and printed[0].isdigit() else " "
             text = f"{text}{glue}{printed}" if text else printed
         return text
 
-    def _factor(self, expr: sympy.Expr) -> str:
-        if isinstance(expr, sympy.Mul):
-            return self._print_Mul(expr)
-        return self._parenthesised(expr, PRECEDENCE["Mul"])
-
-    def _parenthesised(self, expr: sympy.Expr, level: int, strict: bool = False) -> str:
+    def _parenthesised(self, expr: sympy.Expr, level: int) -> str:
         printed = self._print(expr)
-        weak = precedence(expr) < level or (strict and precedence(expr) <= level)
-        return f"({printed})" if weak else printed
+        return f"({printed})" if precedence(expr) < level else printed
 
     def _print_Pow(self, expr: sympy.Pow) -> str:
         base, exponent = expr.base, expr.exp
         if exponent.is_Rational and exponent < 0:
             return f"frac(1, {self._print(base**-exponent)})"
-        if exponent.is_Rational and exponent.q > 1:
-            if exponent.p == 1:
-                radicand = self._print(base)
-                return f"sqrt({radicand})" if exponent.q == 2 else f"root({exponent.q}, {radicand})"
+        if exponent.is_Rational and exponent.q > 1 and exponent.p == 1:
+            radicand = self._print(base)
+            return f"sqrt({radicand})" if exponent.q == 2 else f"root({exponent.q}, {radicand})"
         if base is sympy.E:
             return f"upright(e)^({self._print(exponent)})"
         if isinstance(base, sympy.Function) and exponent.is_Integer:
             return self._call(base, f"^({self._print(exponent)})")
-        return f"{self._parenthesised(base, PRECEDENCE['Pow'], strict=True)}^({self._print(exponent)})"
+        return f"{self._base_of_power(base)}^({self._print(exponent)})"
+
+    def _base_of_power(self, base: sympy.Expr) -> str:
+        printed = self._print(base)
+        bare = precedence(base) > PRECEDENCE["Pow"] and "^" not in printed
+        return printed if bare else f"({printed})"
 
     def _print_exp(self, expr: sympy.Function) -> str:
         return f"upright(e)^({self._print(expr.args[0])})"
@@ -193,10 +202,12 @@ class TypstPrinter(Printer):
 
     def _call(self, expr: sympy.Function, power: str) -> str:
         name = expr.func.__name__
+        if name == "sat_delta":
+            return f'"sat"_delta ({self._print(expr.args[0])})'
         arguments = ", ".join(self._print(argument) for argument in expr.args)
         if isinstance(expr, sympy.exp):
             return f"(upright(e)^({arguments})){power}"
-        return f'op({_quoted(_FUNCTIONS.get(name, name))}){power} ({arguments})'
+        return f"op({_quoted(_FUNCTIONS.get(name, name))}){power} ({arguments})"
 
     def _print_Relational(self, expr: sympy.core.relational.Relational) -> str:
         sign = {"==": "=", "<=": "<=", ">=": ">=", "<": "<", ">": ">", "!=": "!="}[expr.rel_op]

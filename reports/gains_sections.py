@@ -1,0 +1,117 @@
+"""The sections on gains: their table, the necessary condition, matrices, constants and thresholds, and the claim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from reports import cells, tables
+from reports.certificate_view import CertifiedGains
+from reports.numbers import fraction
+from reports.study import Study
+from reports.typst_math import number
+
+if TYPE_CHECKING:
+    from certify.pipeline import GainsResult
+
+MATRIX_UP_TO = 9
+
+
+def gains_section(study: Study, certified: CertifiedGains | None) -> dict[str, Any] | None:
+    """The table of gains: those of the summary (with level and rate) or those of the certificate as read."""
+    summary = None if study.gains is None else (study.gains.summary or {}).get("gains")
+    if summary:
+        entries: list[Mapping[str, Any]] = list(summary.get("agents") or ())
+        alphas = [tables.exact(summary.get(name)) for name in ("alpha1", "alpha2")]
+    elif certified is not None:
+        entries = [
+            {"id": a.id, "g": a.g, "K": a.K, "delta": a.delta, "h": a.h, "level": a.level} for a in certified.agents
+        ]
+        alphas = [certified.alpha1, certified.alpha2]
+    else:
+        return None
+    if not entries:
+        return None
+    requested = study.plant.gains
+    return {
+        "shared": [f"alpha_{k} = {number(value)}" for k, value in enumerate(alphas, start=1) if value is not None],
+        "requested": any(value is not None for value in (requested.g, requested.K, requested.delta, requested.h)),
+        "table": tables.gains_table(entries),
+    }
+
+
+def stability_rows(gains: GainsResult) -> list[list[cells.Cell]]:
+    """The necessary condition on given gains (theory.md F20), one row per agent that has one."""
+    rows = []
+    for agent in gains.agents:
+        linear = agent.linear
+        if linear is None:
+            continue
+        rows.append(
+            [
+                cells.text(agent.id),
+                {"badge": linear.status},
+                cells.text(linear.reason),
+                cells.number(linear.smallest_h, "up"),
+            ]
+        )
+    return rows
+
+
+def numbers_section(gains: GainsResult | None, certified: CertifiedGains | None) -> dict[str, Any]:
+    """Matrices, coordinator, constants and thresholds."""
+    agents = () if gains is None else gains.agents
+    matrices: list[tuple[int, Mapping[str, Any]]] = [(agent.id, agent.matrices) for agent in agents if agent.matrices]
+    if not matrices and certified is not None:
+        matrices = [(agent.id, agent.matrices) for agent in certified.agents]
+    return {
+        "matrices": tables.matrix_groups(matrices),
+        "coordinator": _coordinator(gains, certified),
+        "constants": tables.quantity_blocks([(a.id, a.constants) for a in agents if a.constants], tables.CONSTANTS),
+        "thresholds": tables.quantity_blocks([(a.id, a.thresholds) for a in agents if a.thresholds], tables.THRESHOLDS),
+    }
+
+
+def _coordinator(gains: GainsResult | None, certified: CertifiedGains | None) -> dict[str, Any] | None:
+    envelope = None if gains is None else gains.envelope
+    if envelope is None and certified is None:
+        return None
+    facts: list[list[Any]] = []
+    P = None
+    if certified is not None:
+        facts = [
+            ["Size of $P$", cells.text(f"{len(certified.P)} × {len(certified.P)}")],
+            ["Decay rate $lambda_0$", cells.number(certified.coordinator["rate"], "down")],
+            ["Mixing rate $hat(lambda)$", cells.number(certified.coordinator["mixing_rate"], "down")],
+            ["Grid", cells.text(_grid(certified.coordinator))],
+        ]
+        P = cells.matrix(certified.P) if 0 < len(certified.P) <= MATRIX_UP_TO else None
+    peaks = (
+        []
+        if envelope is None
+        else [
+            [cells.text(k), *(cells.number(value, "up") for value in (a.peak, a.rate_peak, a.energy, a.rate_energy))]
+            for k, a in enumerate(envelope.agents, start=1)
+        ]
+    )
+    return {"facts": facts, "P": P, "peaks": peaks}
+
+
+def _grid(coordinator: Mapping[str, Fraction]) -> str:
+    return f"{coordinator['steps']} steps of {fraction(coordinator['step'])} s"
+
+
+def claim_section(study: Study, certified: CertifiedGains | None) -> dict[str, Any]:
+    """Digest of the claim and the answer of the checker."""
+    answer = study.verification
+    sha256 = certified.sha256 if certified else (answer or {}).get("claim_sha256")
+    checker = None
+    if answer is not None:
+        said = (
+            "every obligation below was rebuilt and holds"
+            if answer["status"] == "verified"
+            else answer.get("reason") or "no reason given"
+        )
+        checker = {"status": answer["status"], "reason": cells.text(said, 800)}
+    return {"sha256": sha256, "checker": checker}

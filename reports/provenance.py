@@ -1,0 +1,26 @@
+"""What is needed to make the report again: digests, versions, seed and command lines, without paths of the machine."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from reports import cells
+from reports.study import Study
+
+_ABSOLUTE = re.compile(r"(?<![\w.~-])(?:~|[A-Za-z]:)?[/\\](?:[^\s'\"/\\]+[/\\])*([^\s'\"/\\]+)")
+
+
+def reproducibility_section(study: Study) -> dict[str, Any]:
+    """The data of ``reproducibility.typ``."""
+    return {
+        "seed": cells.text("none used" if study.seed is None else study.seed),
+        "commands": [portable(command) for command in study.commands],
+        "versions": [[cells.text(name), cells.text(version)] for name, version in sorted(study.versions.items())],
+    }
+
+
+def portable(command: str) -> str:
+    """The command with absolute paths cut down to their last part."""
+    printable = "".join(char if char.isprintable() else " " for char in command)
+    return _ABSOLUTE.sub(r"\1", printable)

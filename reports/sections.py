@@ -1,0 +1,144 @@
+"""The report's sections as plain data for the templates: strings, numbers and lists only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from reports import cells, tables
+from reports.agent_types import coordinates_section
+from reports.certificate_view import certified_gains
+from reports.figures import style, svg
+from reports.gains_sections import claim_section, gains_section, numbers_section, stability_rows
+from reports.network_figure import draw_network
+from reports.numbers import fraction
+from reports.paper_notes import notes_for
+from reports.provenance import reproducibility_section
+from reports.simulation import simulation_section
+from reports.study import Study, conclusion
+from reports.typst_math import matrix, number, typst
+from symbolic.network import cuts, is_balanced
+from symbolic.plant import Agent, Digraph, Exosystem, Interval, Plant
+
+DRAWN_UP_TO = 200
+NETWORK_SIZE = (5.4, 2.9)
+
+
+def document_data(study: Study) -> dict[str, Any]:
+    """Everything the templates show."""
+    ended = conclusion(study)
+    certified = certified_gains(study.found_certificate)
+    return {
+        "name": cells.text(study.plant.name, 120)["text"],
+        "date": None if study.date is None else study.date.isoformat(),
+        "status": ended.status,
+        "verified": ended.verified,
+        "reason": cells.text(ended.reason, 1500) if ended.reason else None,
+        "route": cells.text(study.gains.route if study.gains else "–"),
+        "optimum": _optimum(study),
+        "plant": plant_section(study.plant),
+        "network": network_section(study.plant.digraph),
+        "check": None
+        if study.check is None
+        else {"status": study.check.status, "rows": tables.assumptions_table(study.check)},
+        "types": None if study.derivation is None else coordinates_section(study.derivation, study.plant.agents),
+        "gains": gains_section(study, certified),
+        "stability": None if study.gains is None else stability_rows(study.gains),
+        "numbers": numbers_section(study.gains, certified),
+        "claim": claim_section(study, certified),
+        "simulation": None
+        if study.trajectory is None
+        else simulation_section(study.trajectory, study.simulated, certified, study.seed),
+        "notes": [
+            {"id": n.id, "printed": n.printed, "truth": n.truth, "consequence": n.consequence}
+            for n in notes_for(study.plant)
+        ],
+        "reproducibility": reproducibility_section(study),
+    }
+
+
+def _optimum(study: Study) -> cells.Cell | None:
+    if study.optimum is not None:
+        return cells.math(f"= {number(fraction(study.optimum))}")
+    if study.optimum_enclosure is not None:
+        return cells.math(f"in {cells.interval(study.optimum_enclosure)}")
+    return None
+
+
+def network_section(digraph: Digraph) -> dict[str, Any]:
+    """The drawing and what it shows."""
+    found = cuts(digraph)
+    drawn = digraph.agents <= DRAWN_UP_TO
+    if drawn:
+        width, height = NETWORK_SIZE if digraph.agents <= 16 else (6.4, 4.4)
+        with style():
+            figure = draw_network(digraph, width, height)
+        picture = {"svg": svg(figure), "width": 72 * width}
+    else:
+        picture = {"svg": None, "width": 0}
+    size = _counted(digraph.agents, "agent"), _counted(len(digraph.edges), "directed edge")
+    return {
+        **picture,
+        "summary": cells.text(", ".join(size)),
+        "connected": not found,
+        "balanced": is_balanced(digraph),
+        "weighted": any(edge.weight != 1 for edge in digraph.edges),
+        "cut": cells.text(f"Not strongly connected: {found[0]}.") if found else None,
+    }
+
+
+def _counted(count: int, name: str) -> str:
+    return f"{count} {name}" if count == 1 else f"{count} {name}s"
+
+
+def plant_section(plant: Plant) -> dict[str, Any]:
+    """Exosystem, agents, initial sets, digest."""
+    return {
+        "sha256": plant.sha256,
+        "S": cells.math(
+            matrix([[typst(entry) for entry in plant.exosystem.S.row(k)] for k in range(plant.exosystem.S.rows)])
+        )
+        if plant.exosystem.states
+        else None,
+        "initial": _exosystem_start(plant.exosystem),
+        "rows": tables.plant_rows(plant),
+        "boxes": [
+            [cells.text(cells.agents(agent.id for agent in group)), *_boxes(group[0])]
+            for group in tables.grouped(plant.agents, lambda agent: agent.initial)
+        ],
+    }
+
+
+def _exosystem_start(exosystem: Exosystem) -> str:
+    parts = [
+        f"{typst(name)} (0) {_relation(side)}" for name, side in zip(exosystem.states, exosystem.initial, strict=True)
+    ]
+    return ", quad ".join(parts)
+
+
+def _relation(side: Interval) -> str:
+    return f"{'=' if side.is_point else 'in'} {cells.interval(side)}"
+
+
+def _boxes(agent: Agent) -> list[cells.Cell]:
+    initial = agent.initial
+    observer = cells.text("measured") if initial.observer is None else _product(initial.observer)
+    if agent.order == 1:
+        observer = cells.text("–")
+    return [
+        _product(initial.z),
+        _product(initial.x),
+        observer,
+        cells.math(cells.interval(initial.eta)),
+        cells.math(cells.interval(initial.reference)),
+    ]
+
+
+def _product(box: Sequence[Interval]) -> cells.Cell:
+    """The box as a power of an interval where all sides agree."""
+    if not box:
+        return cells.text("–")
+    if len(set(box)) > 1:
+        return cells.math(" times ".join(map(cells.interval, box)))
+    power = f"^({len(box)})" if len(box) > 1 and not box[0].is_point else ""
+    return cells.math(cells.interval(box[0]) + power)
