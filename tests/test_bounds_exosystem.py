@@ -12,11 +12,11 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from certify.bounds.exosystem import exosystem_bounds
+from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
 from certify.inequalities.exact_psd import PositiveDefinite, prove_positive_definite
 from certify.inequalities.invariant import invariant_forms, invariant_quadratic
 from certify.inequalities.lyapunov import Inconclusive
-from certify.inequalities.matrices import inverse, lyapunov_form, matrix, multiply, scale
+from certify.inequalities.matrices import inverse, lyapunov_form, matrix, multiply, quadratic_form, scale
 from symbolic.plant import Exosystem, Interval, symbol
 
 
@@ -39,30 +39,46 @@ def reached(system: Exosystem) -> np.ndarray:
     return largest
 
 
-def assert_bounds(system: Exosystem, slack: float) -> tuple[Interval, ...]:
+def sizes(box: tuple[Interval, ...]) -> np.ndarray:
+    return np.array([float(interval.magnitude) for interval in box])
+
+
+def assert_bounds(system: Exosystem, slack: float) -> None:
     bounds = exosystem_bounds(system)
-    assert isinstance(bounds, tuple) and len(bounds) == len(system.states)
-    sizes = np.array([float(interval.magnitude) for interval in bounds])
+    assert isinstance(bounds, ExosystemBounds)
     largest = reached(system)
-    assert np.all(sizes >= largest - 1e-9)
-    assert np.all(sizes <= slack * largest + 1e-6)
-    return bounds
+    assert np.all(sizes(bounds.sharp) >= largest - 1e-9)
+    assert np.all(sizes(bounds.sharp) <= slack * largest + 1e-6)
+    assert np.all(sizes(bounds.box) >= sizes(bounds.sharp))
+    assert np.all(sizes(bounds.box) <= 3 * slack * np.max(largest) + 1e-6)
+    if bounds.Q is not None:
+        Q, widths = sympy.Matrix(bounds.Q), inverse(bounds.Q)
+        assert sympy.simplify(system.S.T * Q + Q * system.S) == sympy.zeros(*Q.shape)
+        assert isinstance(prove_positive_definite(bounds.Q), PositiveDefinite)
+        corners = product(*((side.lo, side.hi) for side in system.initial))
+        level = max(quadratic_form(bounds.Q, corner) for corner in corners)
+        assert all(side.hi**2 >= widths[k][k] * level for k, side in enumerate(bounds.box))
 
 
 def test_the_example_stays_in_the_unit_box_exactly() -> None:
     theta = sympy.Rational(4, 5)
     bounds = exosystem_bounds(exosystem([[0, theta], [-theta, 0]], 0, 1))
-    assert bounds == (Interval(Fraction(-1), Fraction(1)), Interval(Fraction(-1), Fraction(1)))
+    assert isinstance(bounds, ExosystemBounds)
+    assert bounds.box == bounds.sharp == (Interval(Fraction(-1), Fraction(1)),) * 2
 
 
 def test_no_exosystem_has_no_bounds() -> None:
-    assert exosystem_bounds(Exosystem((), sympy.ImmutableMatrix(0, 0, []), ())) == ()
+    assert exosystem_bounds(Exosystem((), sympy.ImmutableMatrix(0, 0, []), ())) == ExosystemBounds((), (), ())
 
 
 def test_constant_and_resting_states_keep_their_interval() -> None:
     system = exosystem([[0, 0, 0], [0, 0, 2], [0, -1, 0]], ("-1/3", 5), 0, 0)
     zero = Interval(Fraction(0), Fraction(0))
-    assert exosystem_bounds(system) == (Interval(Fraction(-1, 3), Fraction(5)), zero, zero)
+    bounds = exosystem_bounds(system)
+    assert isinstance(bounds, ExosystemBounds)
+    assert bounds.sharp == (Interval(Fraction(-1, 3), Fraction(5)), zero, zero)
+    assert Fraction(5) <= bounds.box[0].hi <= Fraction(51, 10)
+    assert all(side.hi < Fraction(1, 2) for side in bounds.box[1:])
 
 
 @pytest.mark.parametrize(
@@ -76,6 +92,8 @@ def test_constant_and_resting_states_keep_their_interval() -> None:
         ([[0, sympy.sqrt(2)], [-sympy.sqrt(2), 0]], (1, (-1, 1)), 1.001),
         ([[0, sympy.sqrt(2)], [-sympy.sqrt(3), 0]], (1, (-1, 1)), 1.001),
         ([[0, -sympy.exp(1)], [sympy.sqrt(3), 0]], (1, (-1, 1)), 1.001),
+        ([[0, sympy.sqrt(2), 0, 0], [-sympy.sqrt(2), 0, 0, 0], [0, 0, 0, 1], [0, 0, -4, 0]], (1, 0, 2, 0), 1.001),
+        ([[0, sympy.sqrt(2), 0], [-sympy.sqrt(3), 0, 0], [0, 0, 0]], (1, (-1, 1), 7), 1.001),
         ([[0, sympy.pi, 0], [-sympy.pi, 0, sympy.pi / 2], [0, -sympy.pi / 2, 0]], (1, 0, 1), 1.5),
     ],
 )
@@ -85,7 +103,7 @@ def test_trajectories_stay_in_the_box_and_come_near_it(
     assert_bounds(exosystem(S, *initial), slack)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(2, 4), st.integers(0, 10**6))
 def test_disguised_rotations_are_bounded(n: int, seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -120,6 +138,11 @@ def test_growth_decay_and_jordan_blocks_have_no_invariant_form(S: list[list[obje
     refused = exosystem_bounds(exosystem(S, *[1] * len(S)))
     assert isinstance(refused, Inconclusive)
     assert "v1, v2" in refused.reason
+
+
+def test_an_exosystem_with_many_states_is_inconclusive() -> None:
+    refused = exosystem_bounds(exosystem([[0] * 13] * 13, *[1] * 13))
+    assert isinstance(refused, Inconclusive) and "13 states" in refused.reason
 
 
 def test_other_irrational_matrices_are_inconclusive_with_the_reason() -> None:

@@ -26,6 +26,7 @@ from certify.inequalities.matrices import (
 from certify.inequalities.rounding import PRECISIONS, round_vector
 
 _ASIDE = 1e-3
+_LARGEST = 1e4
 
 
 def invariant_quadratic(S: Matrix, points: Sequence[Row] | None = None, emphasis: int | None = None) -> Matrix | None:
@@ -38,12 +39,16 @@ def invariant_quadratic(S: Matrix, points: Sequence[Row] | None = None, emphasis
     n = len(S)
     if shape(S) != (n, n) or n == 0:
         raise ValueError("S must be a square matrix that is not empty")
-    basis = invariant_forms(S)
+    corners = list(product((Fraction(-1), Fraction(1)), repeat=n)) if points is None else list(points)
+    return choose_form(invariant_forms(S), corners, emphasis)
+
+
+def choose_form(basis: Sequence[Matrix], points: Sequence[Row], emphasis: int | None = None) -> Matrix | None:
+    """A positive definite combination of the forms, proved, chosen as in ``invariant_quadratic``; or ``None``."""
     if len(basis) == 1:
         candidates = [basis[0], scale(-1, basis[0])]
     else:
-        corners = list(product((Fraction(-1), Fraction(1)), repeat=n)) if points is None else list(points)
-        candidates = [_combine(basis, weights) for weights in _weights(basis, corners, emphasis)]
+        candidates = [_combine(basis, weights) for weights in _weights(basis, points, emphasis)]
     for Q in candidates:
         if isinstance(prove_positive_definite(Q), PositiveDefinite):
             return Q
@@ -96,6 +101,7 @@ def _weights(basis: Sequence[Matrix], points: Sequence[Row], emphasis: int | Non
         cvxpy.bmat([[Q, columns[:, [k]]], [columns[[k], :], cvxpy.reshape(squares[k], (1, 1), order="C")]]) >> 0
         for k in range(n)
     ]
+    constraints.append(Q << _LARGEST * columns)
     for point in {tuple(float(x) for x in point) for point in points}:
         scaled = np.array(point) / size
         constraints.append(scaled @ Q @ scaled <= 1)
