@@ -18,9 +18,9 @@ class OrderExceeded(Exception):
 
 
 def lie_derivative(polynomial: PolyElement, velocity: Iterable[PolyElement]) -> PolyElement:
-    """``L_S q = Σ_i (S v)_i ∂q/∂v_i``; ``velocity`` has one entry per generator of the ring."""
+    """``L_S q = Σ_i (S v)_i ∂q/∂v_i``; ``velocity`` gives the rates of the first generators, the others rest."""
     result = polynomial.ring.zero
-    for generator, speed in zip(polynomial.ring.gens, velocity, strict=True):
+    for generator, speed in zip(polynomial.ring.gens, velocity, strict=False):
         if speed:
             result += speed * polynomial.diff(generator)
     return result

@@ -64,8 +64,9 @@ class CoordinateMaps:
         """``T τ(s*, v, w)`` with ``τ = col(u*, du*/dt, …)`` along v' = S v."""
         tau = [self.u_star] if self.model.order else []
         for _ in range(self.model.order - 1):
-            tau.append(sympy.Add(*(tau[-1].diff(name) * rate for name, rate
-                                   in zip(self.exosystem.states, self.velocity, strict=True))))
+            rate = sympy.Add(*(tau[-1].diff(name) * speed for name, speed
+                               in zip(self.exosystem.states, self.velocity, strict=True)))
+            tau.append(sympy.expand(rate))
         return tuple(dot([as_expression(entry) for entry in row], tau) for row in self.model.T)
 
     def from_original(self) -> Equations:
