@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from reports.command_line.arguments import JsonOption, PlantArgument
-from reports.command_line.outcome import Outcome, finish
+from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.steps import Steps
+
+if TYPE_CHECKING:
+    from symbolic.derivation import Derivation
+    from symbolic.plant import Plant
 
 
 def command(
@@ -17,12 +22,29 @@ def command(
     as_json: JsonOption = False,
 ) -> None:
     """Derive z*, u*, the internal models and the error coordinates."""
-    from certify.optimum import optimum
-    from symbolic.derivation import as_dict, as_latex, as_text, derive
+    from symbolic.derivation import as_dict, as_latex, as_text
     from symbolic.plant_file import load_plant
 
-    loaded = load_plant(plant)
-    with Steps().step("derive"):
-        derivation = derive(loaded, optimum(loaded).exact)
-        text = as_latex(derivation) if latex else as_text(derivation)
-    finish(Outcome("holds", as_dict(derivation), text), as_json)
+    derivation = derived(load_plant(plant), plant, Steps())
+    fields = as_dict(derivation)
+    if latex:
+        fields["latex"] = as_latex(derivation)
+    text = as_latex(derivation) if latex else as_text(derivation)
+    finish(Outcome(derivation.verdict, fields, text), as_json)
+
+
+def derived(plant: Plant, file: Path, steps: Steps) -> Derivation:
+    """The derivation for the exact optimum, or for the symbol s where the optimum is not rational or not known."""
+    from certify.optimum import NoOptimumError, optimum
+    from symbolic.constants import as_rational
+    from symbolic.derivation import derive
+    from symbolic.plant import COST_VARIABLE
+
+    with steps.step("derive") as report, naming(file):
+        try:
+            exact = optimum(plant).exact
+        except NoOptimumError:
+            exact = None
+        derivation = derive(plant, COST_VARIABLE if exact is None else as_rational(exact))
+        report(derivation.verdict)
+    return derivation

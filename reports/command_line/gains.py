@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from certify.files import require_writable
 from reports.command_line.arguments import JsonOption, PlantArgument, Route, RouteOption
-from reports.command_line.outcome import Outcome, finish
+from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.steps import Steps
 
 if TYPE_CHECKING:
@@ -25,13 +27,14 @@ def command(
     as_json: JsonOption = False,
 ) -> None:
     """Find gains and write the certificate that proves them; or decide the gains of the plant file."""
-    from certify.certificate import write_certificate
-    from certify.pipeline import design_gains
     from symbolic.plant_file import load_plant
 
     loaded = load_plant(plant)
     require_writable(output)
-    with Steps().step("gains") as report:
+    from certify.certificate import write_certificate
+    from certify.pipeline import design_gains
+
+    with Steps().step("gains") as report, naming(plant):
         result = design_gains(loaded, route=route.value, progress=report)
         report(result.status)
     if result.certificate is not None:
@@ -41,5 +44,22 @@ def command(
 
 def outcome(result: GainsResult) -> Outcome:
     """The summary as JSON, and the gains as a table."""
-    fields = {key: value for key, value in result.summary.items() if key != "status"}
-    return Outcome(result.status, {**fields, "reason": result.reason}, f"{result.status}: {result.reason}")
+    lines = [*gains_table(result.summary["gains"]), f"{result.status}: {result.reason}"]
+    return Outcome(result.status, {**result.summary, "reason": result.reason}, "\n".join(lines))
+
+
+def gains_table(gains: Mapping[str, Any] | None) -> list[str]:
+    """One line per agent, rounded to four digits, log10 beside large numbers; the exact numbers are in the JSON."""
+    if gains is None:
+        return []
+    from reports.numbers import with_log10
+
+    def shown(value: str | None) -> str:
+        return "-" if value is None else with_log10(Fraction(value))
+
+    columns = ("g", "K", "delta", "h")
+    rows = [["agent", *columns]]
+    rows += [[str(agent["id"]), *(shown(agent[key]) for key in columns)] for agent in gains["agents"]]
+    widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [*lines, f"alpha1 = {shown(gains['alpha1'])}, alpha2 = {shown(gains['alpha2'])}"]

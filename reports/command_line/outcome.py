@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import NoReturn
 
 import typer
+
+from symbolic.errors import InputError
 
 HOLDS, REFUTED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
 
@@ -39,7 +43,7 @@ class Outcome:
         return EXIT_CODES[self.status]
 
     def as_json(self) -> str:
-        return json_text({"status": self.status, **self.fields})
+        return json_text({"status": self.status} | {key: self.fields[key] for key in self.fields if key != "status"})
 
 
 def json_text(value: object) -> str:
@@ -56,6 +60,17 @@ def finish(outcome: Outcome, as_json: bool) -> NoReturn:
     except BrokenPipeError:  # the reader has gone; the exit code still tells
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     raise typer.Exit(outcome.exit_code)
+
+
+@contextmanager
+def naming(file: Path) -> Iterator[None]:
+    """Put the file in front of an ``InputError`` that only knows the key."""
+    try:
+        yield
+    except InputError as error:
+        if str(error).startswith(str(file)):
+            raise
+        raise InputError(f"{file}: {error}") from error
 
 
 def _exact(value: object) -> str:

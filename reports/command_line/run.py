@@ -2,9 +2,77 @@
 
 from __future__ import annotations
 
-from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from certify.files import make_folder, write_atomically
+from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, Route, RouteOption
+from reports.command_line.falsify import NOT_THERE
+from reports.command_line.gains import gains_table
+from reports.command_line.outcome import Outcome, finish, naming
+from reports.command_line.steps import Steps
+
+if TYPE_CHECKING:
+    from reports.study import Study
+
+CERTIFICATE, REPORT, SUMMARY = "certificate.json", "report.pdf", "summary.json"
 
 
-def command(plant: PlantArgument, output: FolderOption, as_json: JsonOption = False) -> None:
+def command(
+    plant: PlantArgument, output: FolderOption, route: RouteOption = Route.RECIPE, as_json: JsonOption = False
+) -> None:
     """Check, derive, find gains, verify, simulate and write the report."""
-    raise NotImplementedError
+    from symbolic.plant_file import load_plant
+
+    loaded = load_plant(plant)
+    make_folder(output)
+    from reports.command_line.study_steps import started
+    from reports.document import build_report
+
+    steps = Steps()
+    with naming(plant):
+        study = studied(started(loaded, ["run", plant, "-o", output]), plant, output, route.value, steps)
+    with steps.step("report") as report:
+        build_report(study, output / REPORT)
+        report(str(output / REPORT))
+    result = outcome(study)
+    write_atomically(output / SUMMARY, (result.as_json() + "\n").encode())
+    finish(result, as_json)
+
+
+def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps) -> Study:
+    """All steps up to the report; what a failed assumption makes pointless is left out."""
+    from certify.certificate import write_certificate
+    from reports.command_line import study_steps as step
+
+    file = folder / CERTIFICATE
+    study = step.with_check(study, steps)
+    study = step.with_derivation(study, plant, steps)
+    study = step.with_gains(study, route, steps)
+    certificate = study.gains.certificate if study.gains else None
+    if certificate is None:
+        file.unlink(missing_ok=True)  # that of an earlier run would not belong to this report
+    else:
+        write_certificate(certificate, file)
+        study = step.with_certificate(study, certificate, plant, file, steps)
+    study = step.with_simulation(study, steps)
+    steps.note("falsify", f"left out: {NOT_THERE}")
+    return study
+
+
+def outcome(study: Study) -> Outcome:
+    """The conclusion of the report's first page, with the gains and the claim it is about."""
+    from reports.study import conclusion
+
+    found = conclusion(study)
+    summary: Mapping[str, object] = study.gains.summary if study.gains else {}
+    fields = {
+        "reason": found.reason,
+        "verified": found.verified,
+        **{key: summary.get(key) for key in ("route", "gains", "claim")},
+        "falsify": NOT_THERE,
+    }
+    lines = gains_table(study.gains.summary["gains"] if study.gains else None)
+    said = found.reason or ("every obligation was proved, and the checker agrees" if found.verified else "not verified")
+    return Outcome(found.status, fields, "\n".join([*lines, f"{found.status}: {said}"]))

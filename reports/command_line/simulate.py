@@ -11,6 +11,7 @@ import typer
 
 from certify.files import make_folder, write_atomically
 from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument
+from reports.command_line.derive import derived
 from reports.command_line.outcome import Outcome, finish
 from reports.command_line.steps import Steps
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from sims.closed_loop import Trajectory
 
 SETTLED = 1e-2
+NO_MODEL = "no steady state or internal model was found, so there is no controller to simulate (see certify derive)"
 
 
 def command(
@@ -31,17 +33,22 @@ def command(
 ) -> None:
     """Simulate the closed loop in floats from the centre of the boxes; proves nothing."""
     from certify.certificate import read_certificate
-    from reports.command_line.controllers import certified_controller, demonstration_controller
-    from sims.closed_loop import simulate
     from symbolic.plant_file import load_plant
 
     loaded = load_plant(plant)
-    if certificate is None:
-        controller = demonstration_controller(loaded)
-    else:
-        controller = certified_controller(read_certificate(certificate), loaded)
+    read = None if certificate is None else read_certificate(certificate)
     make_folder(output)
+    from reports.command_line.controllers import certified_controller, demonstration_controller
+    from sims.closed_loop import simulate
+
     steps = Steps()
+    if read is None:
+        derivation = derived(loaded, plant, steps)
+        if derivation.verdict != "holds":
+            finish(Outcome("inconclusive", {"reason": NO_MODEL}, f"inconclusive: {NO_MODEL}"), as_json)
+        controller = demonstration_controller(loaded, derivation)
+    else:
+        controller = certified_controller(read, loaded, str(certificate))
     with steps.step("simulate") as report:
         trajectory = simulate(loaded, controller, horizon=horizon)
         report(sentence(trajectory))

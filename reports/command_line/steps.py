@@ -31,4 +31,8 @@ class Steps:
                 status.update(Text(f"{name}: {text}"))
 
             yield report
-        self._console.print(Text(f"{name:<10} {time.monotonic() - started:6.1f} s  {said}".rstrip()))
+        self.note(name, f"{time.monotonic() - started:6.1f} s  {said}")
+
+    def note(self, name: str, text: str) -> None:
+        """A finished line about a step."""
+        self._console.print(Text(f"{name:<10} {text}".rstrip()))

@@ -1,0 +1,76 @@
+"""The steps of a study, each from a study to a larger one; what cannot be done is said on stderr and adds nothing."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from certify.assumptions.check import check_assumptions
+from certify.certificate import Json
+from certify.optimum import NoOptimumError, optimum
+from certify.pipeline import design_gains, tool_versions
+from reports.command_line.controllers import demonstration_controller
+from reports.command_line.derive import derived
+from reports.command_line.simulate import NO_MODEL, sentence
+from reports.command_line.steps import Steps
+from reports.command_line.verify import verified
+from reports.study import Study, source_date
+from sims.closed_loop import simulate
+from symbolic.plant import Plant
+
+HORIZON = 40.0
+
+
+def started(plant: Plant, command: Sequence[str | Path]) -> Study:
+    """A study of the plant in which nothing has been done."""
+    line = shlex.join(["certify", *map(str, command)])
+    return Study(plant, versions=tool_versions(), commands=(line,), date=source_date(os.environ))
+
+
+def with_check(study: Study, steps: Steps) -> Study:
+    """The assumptions."""
+    with steps.step("check") as report:
+        check = check_assumptions(study.plant)
+        report(check.status)
+    return replace(study, check=check)
+
+
+def with_derivation(study: Study, plant: Path, steps: Steps) -> Study:
+    """``s*`` and the error coordinates."""
+    derivation = derived(study.plant, plant, steps)
+    try:
+        found = optimum(study.plant)
+    except NoOptimumError:
+        return replace(study, derivation=derivation)
+    return replace(study, optimum=found.exact, optimum_enclosure=found.enclosure, derivation=derivation)
+
+
+def with_gains(study: Study, route: str, steps: Steps) -> Study:
+    """A certificate, or the reason why there is none."""
+    with steps.step("gains") as report:
+        gains = design_gains(study.plant, route=route, progress=report, check=study.check)
+        report(gains.status if gains.certificate is not None else f"{gains.status}: {gains.reason}")
+    return replace(study, gains=gains)
+
+
+def with_certificate(study: Study, certificate: Json, plant: Path, file: Path, steps: Steps) -> Study:
+    """The certificate in ``file`` and the independent checker's answer on it."""
+    with steps.step("verify") as report:
+        answer = verified(plant, file)
+        report(answer["status"] if answer["status"] == "verified" else f"{answer['status']}: {answer['reason']}")
+    return replace(study, certificate=certificate, verification=answer)
+
+
+def with_simulation(study: Study, steps: Steps) -> Study:
+    """A run from the centre of the boxes with moderate gains."""
+    with steps.step("simulate") as report:
+        if study.derivation is None or study.derivation.verdict != "holds":
+            report(f"left out: {NO_MODEL}")
+            return study
+        controller = demonstration_controller(study.plant, study.derivation)
+        trajectory = simulate(study.plant, controller, horizon=HORIZON)
+        report(sentence(trajectory))
+    return replace(study, trajectory=trajectory, simulated=controller)

@@ -1,0 +1,257 @@
+"""The command line as spec'd: exit codes, one JSON object, one line per error, nothing written elsewhere."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reports.command_line import main
+
+TWO_AGENTS = """
+schema = "consensus-plant/1"
+name = "two-agents"
+network = { agents = 2, edges = ["1 -> 2", "2 -> 1"] }
+initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }
+[[agent]]
+ids = [1, 2]
+order = 1
+f = "p*x1"
+b = 1
+cost = "(s - id)^2"
+uncertain = { p = [-1, 1] }
+"""
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "five_agents.toml"
+
+
+@dataclass(frozen=True)
+class Answer:
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        """The one JSON object that stdout is; anything beside it fails."""
+        assert self.out.count("\n") == 1
+        return json.loads(self.out)
+
+
+class Certify:
+    """Runs the command line in this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+        self.capsys = capsys
+        self.folder = folder
+
+    def __call__(self, *arguments: str | Path) -> Answer:
+        self.capsys.readouterr()
+        code = main([str(argument) for argument in arguments])
+        said = self.capsys.readouterr()
+        return Answer(code, said.out, said.err)
+
+    def plant(self, changes: Mapping[str, str] | None = None) -> Path:
+        """Two agents of order 1, with parts of the file replaced."""
+        text = TWO_AGENTS
+        for old, new in (changes or {}).items():
+            assert old in text
+            text = text.replace(old, new)
+        path = self.folder / "plant.toml"
+        path.write_text(text)
+        return path
+
+
+@pytest.fixture
+def certify(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Certify:
+    return Certify(capsys, tmp_path)
+
+
+def assert_one_complaint(answer: Answer, *words: str) -> None:
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err.count("\n") == 1
+    assert answer.err.startswith("certify: ")
+    assert all(word in answer.err for word in words), answer.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ([], "Missing command"),
+        (["prove"], "prove"),
+        (["check"], "PLANT"),
+        (["check", "a.toml", "b.toml"], "b.toml"),
+        (["check", "a.toml", "--fast"], "--fast"),
+        (["gains", "a.toml"], "-o"),
+        (["gains", "a.toml", "-o"], "-o"),
+        (["gains", "a.toml", "-o", "c.json", "--route", "guess"], "guess"),
+        (["simulate", "a.toml", "-o", "d", "--horizon", "soon"], "--horizon"),
+        (["verify", "a.toml"], "CERT"),
+    ],
+)
+def test_usage_error_is_one_line(certify: Certify, arguments: list[str], word: str) -> None:
+    assert_one_complaint(certify(*arguments), word)
+
+
+COMMANDS_ON_A_PLANT = [
+    ["run", "-o", "{folder}/out"],
+    ["check"],
+    ["derive"],
+    ["gains", "-o", "{folder}/c.json"],
+    ["simulate", "-o", "{folder}/out"],
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS_ON_A_PLANT, ids=lambda command: command[0])
+@pytest.mark.parametrize("flags", [[], ["--json"]], ids=["text", "json"])
+def test_unreadable_plant_is_one_line_and_writes_nothing(
+    certify: Certify, tmp_path: Path, command: list[str], flags: list[str]
+) -> None:
+    name, *options = [part.format(folder=tmp_path) for part in command]
+    plant = tmp_path / "missing.toml"
+    assert_one_complaint(certify(name, plant, *options, *flags), str(plant), "cannot be read")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "schema: missing"),
+        (b"\xff\xfe", "UTF-8"),
+        (b"schema = ", "not valid TOML"),
+        (TWO_AGENTS.replace("p*x1", "p*x1 +").encode(), "agent[1].f: column"),
+        (TWO_AGENTS.replace("p*x1", "__import__('os')").encode(), "agent[1].f: column"),
+        (TWO_AGENTS.replace("order", "ordre").encode(), "ordre"),
+        (b"x" * 2_000_000, "larger than"),
+    ],
+)
+def test_bad_plant_is_one_line_with_file_and_key(certify: Certify, tmp_path: Path, content: bytes, reason: str) -> None:
+    path = tmp_path / "plant.toml"
+    path.write_bytes(content)
+    assert_one_complaint(certify("check", path), str(path), reason)
+
+
+def test_folder_in_place_of_a_plant(certify: Certify, tmp_path: Path) -> None:
+    assert_one_complaint(certify("check", tmp_path), str(tmp_path), "Is a directory")
+
+
+def test_design_error_found_late_still_names_the_file(certify: Certify) -> None:
+    plant = certify.plant({"order = 1": "order = 2\ngamma = [-1]"})
+    for command in (["derive", plant], ["check", plant], ["simulate", plant, "-o", plant.parent / "out"]):
+        answer = certify(*command)
+        if answer.code == 2:
+            assert_one_complaint(Answer(2, answer.out, answer.err), f"{plant}: ", "gamma")
+    assert certify("derive", plant).code == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [(None, "cannot be read"), ("{", "JSON"), ("[]", "schema"), ('{"schema": "consensus-certificate/9"}', "schema")],
+)
+@pytest.mark.parametrize("command", ["falsify", "verify", "report", "simulate"])
+def test_bad_certificate_is_one_line_with_the_file(
+    certify: Certify, tmp_path: Path, command: str, content: str | None, reason: str
+) -> None:
+    path = tmp_path / "c.json"
+    if content is not None:
+        path.write_text(content)
+    options = {"report": ["-o", tmp_path / "r.pdf"], "simulate": ["-o", tmp_path / "out"]}.get(command, [])
+    answer = certify(command, certify.plant(), path, *options)
+    assert_one_complaint(answer, str(path))
+    assert command == "verify" or reason in answer.err
+
+
+@pytest.mark.parametrize(
+    ("place", "reason"), [("missing/c.json", "its folder does not exist"), (".", "it is a folder")]
+)
+def test_place_for_the_certificate_is_looked_at_before_the_work(
+    certify: Certify, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, reason: str
+) -> None:
+    def must_not_run(*_: object, **__: object) -> None:
+        raise AssertionError("the work has started")
+
+    monkeypatch.setattr("certify.pipeline.design_gains", must_not_run)
+    assert_one_complaint(certify("gains", certify.plant(), "-o", tmp_path / place), reason)
+
+
+def test_file_in_place_of_the_output_folder(certify: Certify, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    assert_one_complaint(certify("run", certify.plant(), "-o", tmp_path / "out"), "out: cannot be made a folder")
+
+
+def test_check_that_holds(certify: Certify) -> None:
+    answer = certify("check", certify.plant(), "--json")
+    assert answer.code == 0
+    assert answer.json["status"] == "holds"
+    findings = answer.json["assumptions"]
+    assert {finding["id"] for finding in findings} == {"A0", "A1", "A2", "A3", "A4", "A5", "A6"}
+    assert all(set(finding) == {"id", "agent", "verdict", "reason", "evidence"} for finding in findings)
+    assert {finding["agent"] for finding in findings if finding["id"] == "A1"} == {1, 2}
+    assert {finding["agent"] for finding in findings if finding["id"] == "A2"} == {None}
+
+
+@pytest.mark.parametrize(
+    ("changes", "failing"),
+    [
+        ({', "2 -> 1"': ""}, "A2"),
+        ({"(s - id)^2": "s^4"}, "A1"),
+        ({"p*x1": "p*x1 + 1"}, "A0"),
+        ({"b = 1": 'b = "p"'}, "A0"),
+    ],
+)
+def test_check_that_fails(certify: Certify, changes: dict[str, str], failing: str) -> None:
+    answer = certify("check", certify.plant(changes), "--json")
+    assert (answer.code, answer.json["status"]) == (1, "fails")
+    assert failing in {finding["id"] for finding in answer.json["assumptions"] if finding["verdict"] == "fails"}
+
+
+def test_check_as_text_has_a_line_per_finding(certify: Certify) -> None:
+    plant = certify.plant()
+    findings = certify("check", plant, "--json").json["assumptions"]
+    lines = certify("check", plant).out.splitlines()
+    assert len(lines) == len(findings) + 1
+    assert lines[-1] == "assumptions: holds"
+
+
+def test_derive(certify: Certify) -> None:
+    plant = certify.plant()
+    answer = certify("derive", plant, "--json")
+    assert (answer.code, answer.json["status"], answer.json["s_star"]) == (0, "holds", "3/2")
+    assert "ϑ" in certify("derive", plant).out
+    assert r"\vartheta" in certify("derive", plant, "--latex").out
+
+
+def test_crash_is_not_mistaken_for_a_refutation(certify: Certify, monkeypatch: pytest.MonkeyPatch) -> None:
+    def crash(*_: object) -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr("certify.assumptions.check.check_assumptions", crash)
+    answer = certify("check", certify.plant(), "--json")
+    assert (answer.code, answer.out) == (3, "")
+    assert answer.err.splitlines()[-1] == "certify: internal error: ZeroDivisionError: a bug"
+
+
+def test_interruption_has_its_own_code(certify: Certify, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("certify.assumptions.check.check_assumptions", interrupt)
+    assert certify("check", certify.plant()).code == 130
+
+
+def test_reader_that_has_gone_does_not_change_the_exit_code(certify: Certify) -> None:
+    script = "import sys; from reports.command_line import main; sys.exit(main())"
+    command = [sys.executable, "-c", script, "check", str(certify.plant({', "2 -> 1"': ""})), "--json"]
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
