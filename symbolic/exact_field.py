@@ -70,9 +70,9 @@ def _with_kernels(expr: sympy.Expr, kernels: dict[sympy.Expr, sympy.Symbol]) -> 
         inner = _with_kernels(root, kernels) if expr.exp.is_Integer else _kernel(root, kernels)
         return inner ** expr.exp.p
     if isinstance(expr, sympy.exp):
-        times, rest = expr.args[0].as_coeff_Mul()
-        if isinstance(times, sympy.Rational) and abs(times.p) != 1:
-            return _kernel(sympy.exp(rest / times.q), kernels) ** times.p
+        parts = [term.as_coeff_Mul() for term in sympy.Add.make_args(sympy.expand(expr.args[0]))]
+        return sympy.Mul(*(_kernel(sympy.exp(rest / times.q), kernels) ** times.p if isinstance(times, sympy.Rational)
+                           else _kernel(sympy.exp(times * rest), kernels) for times, rest in parts))
     return _kernel(expr, kernels)
 
 

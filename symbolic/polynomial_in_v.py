@@ -76,12 +76,23 @@ def polynomial_parts(u: sympy.Expr, exosystem: Exosystem) -> PolynomialParts | N
     return PolynomialParts(tuple(parts.values()), ring, base, not exact.kernels)
 
 
+def _is_rational_polynomial(expr: sympy.Expr) -> bool:
+    names = expr.free_symbols
+    return bool(names) and bool(expr.is_polynomial(*names)) and sympy.Poly(expr, *names).domain in (sympy.ZZ, sympy.QQ)
+
+
 def _not_polynomial(u: sympy.Expr, kernels: list[sympy.Expr], exact: ExactField,
                     v: tuple[sympy.Symbol, ...]) -> NotPolynomial:
-    """One transcendental function of v that does not cancel is a proof; several may cancel each other."""
-    kernel = kernels[0]
-    alone = len(kernels) == 1 == len(exact.kernels) and isinstance(kernel, _TRANSCENDENTAL) \
-        and kernel.args[0].is_polynomial(*kernel.args[0].free_symbols)
-    symbol = dict(exact.kernels)[kernel]
+    """A transcendental function of v that does not cancel is a proof, and so are exponentials of different polynomials.
+
+    Exponentials of polynomials that are linearly independent over Q modulo constants are algebraically independent over
+    the rational functions (Ax); other functions may satisfy relations among each other.
+    """
+    used = exact.domain.to_sympy(exact.element(u)).free_symbols
+    kernel = next((k for k in kernels if dict(exact.kernels)[k] in used), kernels[0])
+    everywhere = [k for k, _ in exact.kernels]
+    known = all(isinstance(k, _TRANSCENDENTAL) and _is_rational_polynomial(k.args[0]) for k in everywhere)
+    exponents = {k.args[0].as_coeff_Mul()[1] for k in everywhere if isinstance(k, sympy.exp)}
+    independent = len(everywhere) == 1 or len(exponents) == len(everywhere)
     return NotPolynomial(str(kernel), f"it contains {kernel}",
-                         alone and symbol in exact.domain.to_sympy(exact.element(u)).free_symbols)
+                         known and independent and dict(exact.kernels)[kernel] in used)
