@@ -1,0 +1,73 @@
+"""The certificate file: canonical JSON that carries the claim and the witnesses, never the inequalities (docs/certificate.md)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import sympy
+
+from certify.files import write_atomically
+from symbolic.errors import InputError
+
+SCHEMA = "consensus-certificate/1"
+RECIPE = "recipe/1"
+LARGEST_FILE = 16 << 20
+
+Json = dict[str, Any]
+
+
+def number(value: Fraction | int) -> str:
+    """``"p/q"`` in lowest terms, ``"p"`` for integers."""
+    return str(Fraction(value))
+
+
+def numbers(values: Iterable[Fraction]) -> list[str]:
+    return [number(value) for value in values]
+
+
+def rows(matrix: Iterable[Iterable[Fraction]]) -> list[list[str]]:
+    return [numbers(row) for row in matrix]
+
+
+def expression(value: sympy.Expr) -> str:
+    """An expression in the language of the plant file."""
+    return sympy.sstr(value)
+
+
+def canonical(value: Any) -> bytes:
+    """Sorted keys, no white space, UTF-8: equal values give equal bytes."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def claim_digest(certificate: Json) -> str:
+    """The sha256 of the canonical JSON of the claim."""
+    return hashlib.sha256(canonical(certificate["claim"])).hexdigest()
+
+
+def write_certificate(certificate: Json, path: Path) -> None:
+    write_atomically(path, canonical(certificate) + b"\n")
+
+
+def read_certificate(path: Path) -> Json:
+    """Read a certificate for display. Nothing in it is trusted; the checker reads the file for itself.
+
+    Raises ``InputError`` if the file is unreadable, too large, or no certificate of this version.
+    """
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError(f"{path}: larger than {LARGEST_FILE} bytes")
+        certificate = json.loads(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is not a JSON file: {error}") from error
+    if not isinstance(certificate, dict) or certificate.get("schema") != SCHEMA:
+        raise InputError(f"{path}: schema: {SCHEMA!r} is needed")
+    if not isinstance(certificate.get("claim"), dict) or not isinstance(certificate.get("witness"), dict):
+        raise InputError(f"{path}: claim: the claim and the witnesses are needed")
+    return certificate

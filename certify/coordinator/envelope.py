@@ -1,0 +1,201 @@
+"""How far the references are from the optimum, proved for all time (docs/certificate.md section 2, deviation, tail, outputs)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import arb, arb_mat, arb_poly, ctx
+
+from certify.bounds.balls import PRECISION, to_arb, upper
+from certify.bounds.rationals import round_up
+from certify.coordinator.mixing import Mixing, Rows
+from certify.coordinator.nominal import CoordinatorModel, Segment, magnitude, nominal_trajectory
+from symbolic.plant import Interval
+
+REPORT_BITS = 48
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The Lyapunov matrix of the coordinator and what it was proved for.
+
+    ``d/dt ‖e‖_P ≤ −rate ‖e‖_P + ‖ρ‖_P`` for ``e' = A(D(t)) e + ρ`` with ``D_i`` in ``damping[i]``;
+    ``Rm L + LᵀRm ⪰ 2 mixing_rate (Rm − r rᵀ)``; ``multiplier`` is the diagonal multiplier of the proof.
+    """
+
+    P: Rows
+    multiplier: tuple[Fraction, ...]
+    rate: Fraction
+    mixing_rate: Fraction
+    damping: tuple[Interval, ...]
+
+
+@dataclass(frozen=True)
+class AgentEnvelope:
+    """Bounds for one agent: ``|y^r − s*| ≤ peak`` for ever, ``∫ (y^r − s*)² ≤ energy``, ``∫ (ẏ^r)² ≤ rate_energy``.
+
+    ``deviation[k] ≥ |y^r − s*|`` and ``rate[k] ≥ |ẏ^r|`` on ``[t_k, t_(k+1)]``; after the grid they decay from
+    ``tail_deviation`` and ``tail_rate`` at the rate ``tail_decay`` of the whole envelope.
+    """
+
+    deviation: tuple[Fraction, ...]
+    rate: tuple[Fraction, ...]
+    tail_deviation: Fraction
+    tail_rate: Fraction
+    peak: Fraction
+    rate_peak: Fraction
+    energy: Fraction
+    rate_energy: Fraction
+    deviation_gain: Fraction
+    rate_gain: Fraction
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """The coordinator's envelope: one ``AgentEnvelope`` per agent on the grid ``t_k = k·step``, then an exponential tail."""
+
+    step: Fraction
+    tail_decay: Fraction
+    agents: tuple[AgentEnvelope, ...]
+
+    @property
+    def horizon(self) -> Fraction:
+        return self.step * len(self.agents[0].deviation)
+
+
+def envelope(
+    model: CoordinatorModel,
+    mixing: Mixing,
+    comparison: Comparison,
+    optimum: Interval,
+    optimal_gradients: Sequence[Interval],
+    references: Sequence[Interval],
+) -> Envelope:
+    """Enclose the coordinator for every ``y^r(0)`` in ``references`` with ``ζ(0) = 0``, ``ξ_i(0) = e_i``.
+
+    ``optimum`` encloses ``s*`` and ``optimal_gradients[i]`` encloses ``c_i'(s*)``.
+    """
+    start = [(box.lo + box.hi) / 2 for box in references]
+    segments, y_end, omega_end = nominal_trajectory(model, mixing, start)
+    with ctx.workprec(PRECISION):
+        norm = _Norm(comparison.P, model.size)
+        radius = [to_arb((box.hi - box.lo) / 2) for box in references]
+        zero = [arb(0)] * (model.size - 1)
+        deviations, end = _deviations(segments, norm, comparison.rate, mixing.step, norm([*radius, *zero]))
+        forcing = _tail_forcing(model, mixing, optimal_gradients)
+        target = to_arb(optimum)
+        gap = [y - target for y in y_end] + [
+            omega_end[i]
+            + to_arb(optimal_gradients[i]) / (to_arb(model.alpha2) * to_arb(model.left_null_vector[i]))
+            for i in range(model.size - 1)
+        ]
+        decay = min(comparison.rate, comparison.mixing_rate) / 2
+        tail = end + norm([abs(x).upper() for x in gap]) + norm([*forcing, *zero]) / to_arb(comparison.rate - decay)
+        agents = tuple(
+            _agent(i, model, mixing, comparison, norm, segments, deviations, target, forcing[i], tail.upper(), decay)
+            for i in range(model.size)
+        )
+    return Envelope(mixing.step, decay, agents)
+
+
+class _Norm:
+    """``‖e‖_P`` of a vector of magnitudes, and the dual quantities of ``P⁻¹``."""
+
+    def __init__(self, P: Rows, size: int) -> None:
+        matrix = arb_mat([[to_arb(entry) for entry in row] for row in P])
+        self.size = size
+        self.magnitudes = [[abs(entry).upper() for entry in row] for row in matrix.tolist()]
+        self.inverse = matrix.inv()
+
+    def __call__(self, magnitudes: Sequence[arb]) -> arb:
+        total = arb(0)
+        for row, left in zip(self.magnitudes, magnitudes, strict=True):
+            total += left * sum((p * right for p, right in zip(row, magnitudes, strict=True)), arb(0))
+        return total.upper().sqrt().upper()
+
+    def dual(self, row: Sequence[arb]) -> arb:
+        """``√(a P⁻¹ aᵀ)``: ``|a e| ≤ dual(a) ‖e‖_P``."""
+        a = arb_mat([list(row)])
+        return (a * self.inverse * a.transpose())[0, 0].upper().sqrt().upper()
+
+
+def _deviations(
+    segments: Sequence[Segment], norm: _Norm, rate: Fraction, step: Fraction, initial: arb
+) -> tuple[list[arb], arb]:
+    """``W_k`` on every step, and the bound at the end of the grid."""
+    decay = to_arb(rate)
+    factor = (-decay * to_arb(step)).exp()
+    bound, deviations = initial, []
+    for segment in segments:
+        level = norm(segment.defect) / decay
+        deviations.append(max(bound.upper(), level.upper()))
+        bound = (factor * bound + (1 - factor) * level).upper() + norm(segment.jump)
+    return deviations, bound.upper()
+
+
+def _tail_forcing(model: CoordinatorModel, mixing: Mixing, gradients: Sequence[Interval]) -> list[arb]:
+    """``p̄_i``: ``|1/r_i − 1/ξ_i^i| |c_i'(s*)| ≤ p̄_i e^(−λ̂(t − T0))``."""
+    return [
+        (to_arb(gradients[i].magnitude) * mixing.residual[i] / (to_arb(model.left_null_vector[i]) * mixing.smallest[i])).upper()
+        for i in range(model.size)
+    ]
+
+
+def _agent(
+    index: int,
+    model: CoordinatorModel,
+    mixing: Mixing,
+    comparison: Comparison,
+    norm: _Norm,
+    segments: Sequence[Segment],
+    deviations: Sequence[arb],
+    target: arb,
+    forcing: arb,
+    tail: arb,
+    decay: Fraction,
+) -> AgentEnvelope:
+    step = to_arb(mixing.step)
+    kappa = norm.inverse[index, index].upper().sqrt().upper()
+    nu = max(norm.dual(_closed_loop_row(index, model, end)) for end in _ends(comparison.damping[index]))
+    ys, rates = [], []
+    for segment, deviation in zip(segments, deviations, strict=True):
+        poly = segment.reference[index]
+        ys.append((_departure(poly, target, step) + kappa * deviation).upper())
+        rates.append((magnitude(poly.derivative(), step) + segment.defect[index] + nu * deviation).upper())
+    tail_y, tail_rate = (kappa * tail).upper(), (nu * tail + forcing).upper()
+    lifetime = 1 / (2 * to_arb(decay))
+    energy = step * sum((y * y for y in ys), arb(0)) + tail_y**2 * lifetime
+    rate_energy = step * sum((z * z for z in rates), arb(0)) + tail_rate**2 * lifetime
+    return AgentEnvelope(
+        deviation=tuple(_short(y) for y in ys),
+        rate=tuple(_short(z) for z in rates),
+        tail_deviation=_short(tail_y),
+        tail_rate=_short(tail_rate),
+        peak=_short(max([*ys, tail_y])),
+        rate_peak=_short(max([*rates, tail_rate])),
+        energy=_short(energy),
+        rate_energy=_short(rate_energy),
+        deviation_gain=_short(kappa),
+        rate_gain=_short(nu),
+    )
+
+
+def _departure(poly: arb_poly, target: arb, step: arb) -> arb:
+    return (abs(poly[0] - target).upper() + magnitude(poly - poly[0], step)).upper()
+
+
+def _closed_loop_row(index: int, model: CoordinatorModel, damping: arb) -> list[arb]:
+    """Row ``index`` of ``A(D) = [−α1 L − D, −α2 B]``."""
+    consensus = [-to_arb(model.alpha1 * entry) for entry in model.laplacian[index]]
+    consensus[index] -= damping
+    return consensus + [-to_arb(model.alpha2 * entry) for entry in model.integral_basis()[index]]
+
+
+def _ends(interval: Interval) -> tuple[arb, arb]:
+    return to_arb(interval.lo), to_arb(interval.hi)
+
+
+def _short(value: arb) -> Fraction:
+    return round_up(upper(value), REPORT_BITS)
