@@ -147,7 +147,7 @@ def _error_system(found: NamedEquations) -> list[Part]:
     rows = ({*found.symbols.xhat, found.symbols.vartheta}, set(found.symbols.e))
     coordinates = [equations([entry for entry in found.coordinates if entry.left in row], names) for row in rows]
     return [
-        _part("Coordinates", [", quad ".join(row) for row in coordinates]),
+        _part("Coordinates", [", quad ".join(row) for row in coordinates if row]),
         _part("Functions", equations(found.functions, names)),
         _part("Error equations", equations(found.rates, names)),
     ]

@@ -43,7 +43,8 @@ def draw_network(digraph: Digraph, width: float, height: float) -> Figure:
         _draw_weights_of_agents(axes, positions, left_null_vector(digraph), radius)
     span = np.array(list(positions.values()))
     margin = 0.42 if not many else 0.12
-    axes.set_xlim(span[:, 0].min() - margin, span[:, 0].max() + margin)
+    beside = 0.9 if digraph.agents == 2 else margin
+    axes.set_xlim(span[:, 0].min() - beside, span[:, 0].max() + beside)
     axes.set_ylim(span[:, 1].min() - margin, span[:, 1].max() + margin)
     return figure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 from reports import cells, tables
@@ -11,17 +12,18 @@ from reports.certificate_view import certified_gains
 from reports.figures import style, svg
 from reports.gains_sections import claim_section, gains_section, numbers_section, stability_rows
 from reports.network_figure import draw_network
-from reports.numbers import fraction
+from reports.numbers import fraction, scientific
 from reports.paper_notes import notes_for
 from reports.provenance import reproducibility_section
 from reports.simulation import simulation_section
 from reports.study import Study, conclusion
-from reports.typst_math import matrix, number, typst
+from reports.typst_math import matrix, number, number_text, typst
 from symbolic.network import cuts, is_balanced
 from symbolic.plant import Agent, Digraph, Exosystem, Interval, Plant
 
 DRAWN_UP_TO = 200
-NETWORK_SIZE = (5.4, 2.9)
+OPTIMUM_DIGITS = 13
+NETWORK_SIZES = ((2, (4.4, 1.2)), (16, (5.4, 2.9)), (DRAWN_UP_TO, (6.4, 4.4)))  # most agents, inches
 
 
 def document_data(study: Study) -> dict[str, Any]:
@@ -61,8 +63,15 @@ def _optimum(study: Study) -> cells.Cell | None:
     if study.optimum is not None:
         return cells.math(f"= {number(fraction(study.optimum))}")
     if study.optimum_enclosure is not None:
-        return cells.math(f"in {cells.interval(study.optimum_enclosure)}")
+        return cells.math(f"in {_around(study.optimum_enclosure)}")
     return None
+
+
+def _around(enclosure: Interval) -> str:
+    """``m ± ρ`` that contains the enclosure, ``m`` its middle to thirteen digits."""
+    middle = scientific((enclosure.lo + enclosure.hi) / 2, OPTIMUM_DIGITS)
+    radius = max(enclosure.hi - Fraction(middle), Fraction(middle) - enclosure.lo)
+    return f"{number_text(middle)} plus.minus {number_text(scientific(radius, 1, 'up'))}"
 
 
 def network_section(digraph: Digraph) -> dict[str, Any]:
@@ -70,7 +79,7 @@ def network_section(digraph: Digraph) -> dict[str, Any]:
     found = cuts(digraph)
     drawn = digraph.agents <= DRAWN_UP_TO
     if drawn:
-        width, height = NETWORK_SIZE if digraph.agents <= 16 else (6.4, 4.4)
+        width, height = next(size for most, size in NETWORK_SIZES if digraph.agents <= most)
         with style():
             figure = draw_network(digraph, width, height)
         picture = {"svg": svg(figure), "width": 72 * width}

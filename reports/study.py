@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sims.closed_loop import Trajectory
     from symbolic.derivation import Derivation
 
-Status = Literal["certified", "refuted", "inconclusive"]
+Status = Literal["certified", "refuted", "rejected", "inconclusive"]
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,9 @@ class Conclusion:
 def conclusion(study: Study) -> Conclusion:
     """The strongest statement the study supports; anything short of a certificate has its reason in front.
 
-    An assumption that fails or a certificate that the checker rejects refutes; a certificate that was found but not
-    checked is reported as certified and not verified, and so is one of another claim than the checker's.
+    ``refuted``: an assumption or the given gains fail. ``rejected``: the checker does not accept the certificate, which
+    does not make its claim false. A certificate that was found but not checked is certified and not verified, and so is
+    one of another claim than the checker's.
     """
     failed = _first_finding(study, "fails")
     if failed:
@@ -76,7 +77,7 @@ def conclusion(study: Study) -> Conclusion:
     answer = study.verification
     if answer is not None and answer["status"] == "rejected":
         return Conclusion(
-            "refuted", f"the checker rejects the certificate: {answer.get('reason') or 'no reason given'}", False
+            "rejected", f"the checker rejects the certificate: {answer.get('reason') or 'no reason given'}", False
         )
     certificate = study.found_certificate
     verified = (

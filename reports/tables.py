@@ -115,7 +115,8 @@ def _evidence(value: object) -> str:
         case str():
             return value.replace("**", "^").replace("*", "·")
         case Sequence():
-            return "[" + ", ".join(map(_evidence, value)) + "]"
+            entries = (f"{{{_evidence(v)}}}" if isinstance(v, Mapping) else _evidence(v) for v in value)
+            return f"[{', '.join(entries)}]"
         case _:
             return str(value)
 

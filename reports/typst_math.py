@@ -63,6 +63,8 @@ def number_text(text: str) -> str:
         return f"{sign}frac({numerator}, {denominator})"
     if "e" in body:
         digits, exponent = body.split("e")
+        if exponent == "0":
+            return sign + digits
         return f"{sign}10^({exponent})" if digits == "1" else f"{sign}{digits} times 10^({exponent})"
     return sign + body
 

@@ -29,7 +29,7 @@ from reports.typst_math import matrix, number_text, symbol_text
 from reports.typst_math import typst as typst_math
 from symbolic.derivation import derive
 from symbolic.errors import InputError
-from symbolic.plant import Plant, symbol
+from symbolic.plant import Interval, Plant, symbol
 from symbolic.plant_file import parse_plant
 
 HUGE = Fraction(7, 3) * 10**44
@@ -162,6 +162,16 @@ def test_names_are_letters_or_quoted(name: str, expected: str) -> None:
     assert symbol_text(name) == expected
 
 
+def test_an_enclosure_is_shown_as_one() -> None:
+    third = Interval(Fraction(1, 3) - Fraction(1, 10**13), Fraction(1, 3) + Fraction(1, 10**12))
+    shown_optimum = document_data(Study(small_plant(), optimum_enclosure=third))["optimum"]["math"]
+    middle, radius = shown_optimum.removeprefix("in ").split(" plus.minus ")
+    m = decimal_value(middle.replace(" times 10^(", "e").rstrip(")"))
+    r = decimal_value(radius.replace(" times 10^(", "e").rstrip(")"))
+    assert m - r <= third.lo < third.hi <= m + r
+    assert r < Fraction(1, 10**11)
+
+
 def test_a_power_of_a_named_symbol_is_bracketed() -> None:
     assert typst_math(x1**2, {x1: "y^r"}) == "(y^r)^(2)"
 
@@ -266,7 +276,7 @@ def test_a_certificate_counts_as_verified_only_with_the_checkers_digest() -> Non
     rejected = conclusion(
         replace(study, verification={"status": "rejected", "claim_sha256": digest, "reason": "P1 is not positive"})
     )
-    assert (rejected.status, rejected.verified) == ("refuted", False)
+    assert (rejected.status, rejected.verified) == ("rejected", False)
     assert "P1 is not positive" in rejected.reason
 
 
