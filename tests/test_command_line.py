@@ -255,3 +255,35 @@ def test_reader_that_has_gone_does_not_change_the_exit_code(certify: Certify) ->
     os.close(write)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
+
+
+SCRIPT = "import sys; from reports.command_line import main; sys.exit(main())"
+
+
+def in_a_bare_process(folder: Path, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """The command with an empty home, working folder and folder for temporary files."""
+    places = {name: folder / name for name in ("home", "cwd", "tmp")}
+    for place in places.values():
+        place.mkdir(exist_ok=True)
+    keep = {key: value for key, value in os.environ.items() if not key.startswith(("MPL", "XDG_"))}
+    own = {"HOME": places["home"], "TMPDIR": places["tmp"], "PYTHONPATH": EXAMPLE.parent.parent}
+    environment = keep | {key: str(path) for key, path in own.items()}
+    command = [sys.executable, "-c", SCRIPT, *map(str, arguments)]
+    return subprocess.run(command, cwd=places["cwd"], env=environment, capture_output=True, text=True, check=False)
+
+
+def test_simulate_writes_its_folder_and_nothing_else(certify: Certify, tmp_path: Path) -> None:
+    done = in_a_bare_process(tmp_path, "simulate", certify.plant(), "-o", tmp_path / "out", "--json", "--horizon", "10")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["status"] == "holds"
+    assert all(os.listdir(tmp_path / place) == [] for place in ("home", "cwd", "tmp"))
+    assert sorted(os.listdir(tmp_path / "out")) == [
+        "inputs.png", "outputs.png", "references.png", "tracking_error.png", "trajectory.csv"
+    ]
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["verify", "--help"], ["verify", "a.toml", "b.json"]])
+def test_what_does_not_compute_imports_nothing_heavy(tmp_path: Path, arguments: list[str]) -> None:
+    script = SCRIPT.replace("sys.exit(main())", "main(); sys.exit(any(m in sys.modules for m in ('sympy', 'numpy')))")
+    command = [sys.executable, "-c", script, *arguments]
+    assert subprocess.run(command, cwd=EXAMPLE.parent.parent, capture_output=True, check=False).returncode == 0

@@ -9,6 +9,7 @@ import typer
 
 from certify.files import require_writable
 from reports.command_line.arguments import CertificateArgument, JsonOption, PlantArgument
+from reports.command_line.drawing import prepare_drawing
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.steps import Steps
 
@@ -28,6 +29,7 @@ def command(
     loaded = load_plant(plant)
     read = read_certificate(certificate)
     require_writable(output)
+    prepare_drawing()
     from reports.command_line import study_steps as step
     from reports.document import build_report
     from reports.study import conclusion

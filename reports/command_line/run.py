@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from certify.files import make_folder, write_atomically
 from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, Route, RouteOption
+from reports.command_line.drawing import prepare_drawing
 from reports.command_line.falsify import NOT_THERE
 from reports.command_line.gains import gains_table
 from reports.command_line.outcome import Outcome, finish, naming
@@ -27,6 +28,7 @@ def command(
 
     loaded = load_plant(plant)
     make_folder(output)
+    prepare_drawing()
     from reports.command_line.study_steps import started
     from reports.document import build_report
 

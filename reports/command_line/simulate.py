@@ -12,6 +12,7 @@ import typer
 from certify.files import make_folder, write_atomically
 from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument
 from reports.command_line.derive import derived
+from reports.command_line.drawing import prepare_drawing
 from reports.command_line.outcome import Outcome, finish
 from reports.command_line.steps import Steps
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from sims.closed_loop import Trajectory
 
 SETTLED = 1e-2
+HORIZON = 20.0
 NO_MODEL = "no steady state or internal model was found, so there is no controller to simulate (see certify derive)"
 
 
@@ -28,7 +30,7 @@ def command(
     certificate: Annotated[
         Path | None, typer.Argument(metavar="[CERT]", help="Certificate whose gains are simulated.", show_default=False)
     ] = None,
-    horizon: Annotated[float, typer.Option(help="Length of the run in seconds.", min=0.001, max=1e6)] = 40.0,
+    horizon: Annotated[float, typer.Option(help="Length of the run in seconds.", min=0.001, max=1e6)] = HORIZON,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate the closed loop in floats from the centre of the boxes; proves nothing."""
@@ -38,6 +40,7 @@ def command(
     loaded = load_plant(plant)
     read = None if certificate is None else read_certificate(certificate)
     make_folder(output)
+    prepare_drawing()
     from reports.command_line.controllers import certified_controller, demonstration_controller
     from sims.closed_loop import simulate
 

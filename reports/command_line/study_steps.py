@@ -14,14 +14,12 @@ from certify.optimum import NoOptimumError, optimum
 from certify.pipeline import design_gains, tool_versions
 from reports.command_line.controllers import demonstration_controller
 from reports.command_line.derive import derived
-from reports.command_line.simulate import NO_MODEL, sentence
+from reports.command_line.simulate import HORIZON, NO_MODEL, sentence
 from reports.command_line.steps import Steps
 from reports.command_line.verify import verified
 from reports.study import Study, source_date
 from sims.closed_loop import simulate
 from symbolic.plant import Plant
-
-HORIZON = 40.0
 
 
 def started(plant: Plant, command: Sequence[str | Path]) -> Study:
