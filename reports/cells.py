@@ -55,7 +55,7 @@ def matrix(rows: Rows) -> Cell:
 
 def interval(value: Interval) -> str:
     """``[lo, hi]`` (or the point) as Typst math."""
-    lo, hi = (typst_math.number(fraction(end)) for end in (value.lo, value.hi))
+    lo, hi = (typst_math.number_text(fraction(end).text, inline=True) for end in (value.lo, value.hi))
     return lo if value.is_point else f"[{lo}, {hi}]"
 
 

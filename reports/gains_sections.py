@@ -53,10 +53,16 @@ def stability_rows(gains: GainsResult) -> list[list[cells.Cell]]:
                 cells.text(agent.id),
                 {"badge": linear.status},
                 cells.text(linear.reason),
+                _determinant(linear.determinant_index, linear.determinant),
                 cells.number(linear.smallest_h, "up"),
             ]
         )
     return rows
+
+
+def _determinant(index: int | None, value: Fraction | None) -> cells.Cell:
+    """``Δ_3 = −1.2e34``: the first Hurwitz determinant that is not positive."""
+    return cells.text("–") if value is None else cells.math(f"Delta_({index or ''}) = {number(value)}")
 
 
 def numbers_section(gains: GainsResult | None, certified: CertifiedGains | None) -> dict[str, Any]:

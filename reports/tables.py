@@ -60,10 +60,10 @@ THRESHOLDS = {
     "h3": ("h_3", "decay of $W + W_e$"),
     "h": ("h", "observer gain"),
     "level": ("c", "level of $W$"),
-    "rate": ("", "decay rate (1/s)"),
+    "rate": ("lambda", "decay rate (1/s)"),
 }
 
-GAINS = (("g", "g"), ("K", "K"), ("delta", "delta"), ("h", "h"), ("level", "c"), ("rate", "a"))
+GAINS = (("g", "g"), ("K", "K"), ("delta", "delta"), ("h", "h"), ("level", "c"), ("rate", "lambda"))
 
 
 def gains_table(entries: Sequence[Mapping[str, Any]]) -> Table:
@@ -96,7 +96,7 @@ def assumptions_table(report: CheckReport) -> list[dict[str, Any]]:
             "verdict": verdict,
             "who": _who(found),
             "reason": cells.text(reason),
-            "evidence": cells.text(_evidence(found[0].evidence), 260),
+            "evidence": cells.text(_shared_evidence(found), 260),
         }
         for (id_, verdict, reason), found in groups.items()
     ]
@@ -105,6 +105,13 @@ def assumptions_table(report: CheckReport) -> list[dict[str, Any]]:
 def _who(found: Sequence[Finding]) -> str:
     ids = [finding.agent for finding in found if finding.agent is not None]
     return cells.agents(ids) if ids else "all"
+
+
+def _shared_evidence(found: Sequence[Finding]) -> str:
+    """The evidence, named as the first agent's where that of the others differs."""
+    first = _evidence(found[0].evidence)
+    alike = all(_evidence(finding.evidence) == first for finding in found[1:])
+    return first if alike or not first else f"agent {found[0].agent}: {first}"
 
 
 def _evidence(value: object) -> str:

@@ -54,13 +54,13 @@ def number(value: Fraction | int | Shown) -> str:
     return number_text((value if isinstance(value, Shown) else shown(value)).text)
 
 
-def number_text(text: str) -> str:
+def number_text(text: str, inline: bool = False) -> str:
     """The Typst math of a number as :mod:`reports.numbers` writes it: ``-1.5``, ``2/11``, ``4.2e44``."""
     sign = "-" if text.startswith("-") else ""
     body = text.removeprefix("-")
     if "/" in body:
         numerator, denominator = body.split("/")
-        return f"{sign}frac({numerator}, {denominator})"
+        return f"{sign}{numerator}\\/{denominator}" if inline else f"{sign}frac({numerator}, {denominator})"
     if "e" in body:
         digits, exponent = body.split("e")
         if exponent == "0":

@@ -293,7 +293,13 @@ def test_the_date_follows_source_date_epoch() -> None:
 @pytest.mark.parametrize("status", ["certified", "refuted", "inconclusive"])
 def test_a_report_builds_for_every_verdict(status: str) -> None:
     plant = small_plant()
-    linear = SimpleNamespace(status="refuted", reason="determinant 3 is negative", smallest_h=Fraction(20001))
+    linear = SimpleNamespace(
+        status="refuted",
+        reason="determinant 3 is negative",
+        smallest_h=Fraction(20001),
+        determinant_index=3,
+        determinant=-HUGE,
+    )
     study = Study(
         plant,
         check=findings("holds"),
