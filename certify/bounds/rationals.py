@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from math import isqrt
+from math import floor, isqrt, log10
 
 SHORT_BITS = 64
 
@@ -62,3 +62,23 @@ def _sqrt(value: Fraction, bits: int) -> tuple[Fraction, Fraction]:
         unit = Fraction(1 << -half_shift)
     root = isqrt(scaled)
     return root * unit, (root + 1) * unit
+
+
+def log10_estimate(value: Fraction) -> float:
+    """``log10 |value|`` of a nonzero rational of any size, as a float to be shown."""
+    return log10(abs(value.numerator)) - log10(value.denominator)
+
+
+def scientific(value: Fraction, digits: int = 3) -> str:
+    """A rational of any size to be shown, rounded to ``digits >= 2`` significant digits: ``-1.25e+40``, ``45200``."""
+    if value == 0:
+        return "0"
+    exponent = floor(log10_estimate(value))
+    scaled = round(abs(value) / Fraction(10) ** (exponent - digits + 1))
+    if scaled >= 10**digits:
+        scaled, exponent = round(Fraction(scaled, 10)), exponent + 1
+    sign, plain = "-" if value < 0 else "", Fraction(scaled) * Fraction(10) ** (exponent - digits + 1)
+    if -3 <= exponent <= 6:
+        return f"{sign}{float(plain):g}"
+    mantissa = str(scaled)
+    return f"{sign}{mantissa[0]}.{mantissa[1:]}e{exponent:+d}"

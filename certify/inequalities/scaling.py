@@ -48,14 +48,15 @@ def scalings(vertices: Sequence[Matrix], rhs: Matrix) -> Iterator[Scaling]:
     given = Scaling("states as given", (Fraction(1),) * n)
     yield given
     seen = {given.factors}
-    balanced = _balanced(vertices)
+    balanced = balanced_states(vertices)
     for candidate in (balanced, _normalised(vertices, rhs, balanced)):
         if candidate is not None and candidate.factors not in seen:
             seen.add(candidate.factors)
             yield candidate
 
 
-def _balanced(vertices: Sequence[Matrix]) -> Scaling:
+def balanced_states(vertices: Sequence[Matrix]) -> Scaling:
+    """States in which the rows and columns of the matrices have like sizes."""
     size = sum(np.abs(to_float(A)) for A in vertices)
     _, (factors, _) = scipy.linalg.matrix_balance(size, permute=False, separate=True)
     return Scaling("balanced states", tuple(power_of_two(1 / float(factor)) for factor in factors))
