@@ -1,0 +1,118 @@
+"""A0: ``f0(0,0,0,w) = 0``, ``f1(0,0,0,w) = 0`` and ``b(w) ≥ b_min > 0`` on the parameter box (theory.md section 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import islice, product
+
+import sympy
+
+from certify.assumptions.findings import Finding, Json
+from certify.bounds.balls import NonFiniteError
+from certify.bounds.intervals import simplest_between
+from certify.bounds.suprema import lower_bound
+from symbolic.constants import as_rational
+from symbolic.identity import value_at, zero_test
+from symbolic.plant import Agent, Exosystem
+from symbolic.point_parameters import without_point_parameters
+
+SLACK = Fraction(1, 10**6)
+MAX_POINTS = 1000
+Point = dict[sympy.Symbol, sympy.Rational]
+
+
+def check_origin(agent: Agent, exosystem: Exosystem) -> Finding:
+    """Decide A0 for one agent. Evidence: ``b_min``, or the parameter point where a condition breaks."""
+    free = without_point_parameters(agent)
+    return _not_at_rest(free, exosystem) or _input_gain(agent.id, free)
+
+
+def origin_warning(agent: Agent) -> str | None:
+    """The paper asks that ``W`` contain the origin (F18): worth a warning, never a failure."""
+    if all(interval.lo <= 0 <= interval.hi for interval in agent.parameter_box):
+        return None
+    return "the parameter box does not contain the origin, as the paper asks; nothing in the proof needs it"
+
+
+def _not_at_rest(agent: Agent, exosystem: Exosystem) -> Finding | None:
+    """A right-hand side that does not vanish at the origin, or is not seen to; None when all vanish."""
+    origin = dict.fromkeys((*agent.zero_states, *agent.chain, *exosystem.states), sympy.Integer(0))
+    box = dict(zip(agent.parameters, agent.parameter_box, strict=True))
+    sides = {f"f0 ({name})": expr for name, expr in zip(agent.zero_states, agent.zero_dynamics, strict=True)} | {
+        "f1": agent.f
+    }
+    unknown: Finding | None = None
+    for name, side in sides.items():
+        value = side.xreplace(origin)
+        if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
+            return Finding("A0", agent.id, "fails", f"{name} is not defined at the origin", {"value": str(value)})
+        test = zero_test(value, box)
+        if test.verdict == "fails":
+            at = dict(test.at)
+            where = f" at {', '.join(f'{key} = {number}' for key, number in at.items())}" if at else ""
+            return Finding(
+                "A0",
+                agent.id,
+                "fails",
+                f"{name} is {value} at the origin, not 0{where}",
+                {"value": str(value), "at": at},
+            )
+        if test.verdict == "unknown":
+            unknown = Finding(
+                "A0", agent.id, "unknown", f"{name} at the origin is not shown to be 0", {"value": str(value)}
+            )
+    return unknown
+
+
+def _input_gain(number: int, agent: Agent) -> Finding:
+    """``b_min > 0`` by branch and bound, or a point where ``b`` is not positive."""
+    box = dict(zip(agent.parameters, agent.parameter_box, strict=True))
+    evidence: dict[str, Json] = {"b": str(agent.b)}
+    warning = origin_warning(agent)
+    if warning is not None:
+        evidence["warning"] = warning
+    for point in _points(agent):
+        value = agent.b.xreplace(point)
+        ball = value_at(value, {})
+        if value.is_zero or ball < 0:
+            evidence["at"] = {str(name): str(coordinate) for name, coordinate in point.items()}
+            return Finding("A0", number, "fails", f"b = {value} is not positive{_at(point)}", evidence)
+    try:
+        bound = lower_bound(agent.b, box, rtol=SLACK)
+    except (NonFiniteError, ValueError) as obstacle:
+        return Finding(
+            "A0", number, "unknown", f"b has no proved lower bound on the parameter box: {obstacle}", evidence
+        )
+    if bound.value > 0:
+        exact = bound.value == bound.attained
+        least = bound.value if exact else simplest_between(bound.value * (1 - SLACK), bound.value)
+        evidence["b_min"] = str(least)
+        return Finding(
+            "A0",
+            number,
+            "holds",
+            "the origin is at rest without input and b is positive on the parameter box",
+            evidence,
+        )
+    evidence["infimum_between"] = [str(bound.value), str(bound.attained)]
+    if bound.attained <= 0:
+        evidence["at"] = {str(name): str(coordinate) for name, coordinate in bound.point}
+        return Finding("A0", number, "fails", "b is not positive everywhere on the parameter box", evidence)
+    return Finding("A0", number, "unknown", "b is not proved to stay above 0 on the parameter box", evidence)
+
+
+def _points(agent: Agent) -> Iterator[Point]:
+    """Ends, middle and zero of every parameter that ``b`` depends on, in all combinations, the ends first."""
+    box = dict(zip(agent.parameters, agent.parameter_box, strict=True))
+    used = {name: interval for name, interval in box.items() if name in agent.b.free_symbols}
+    axes = []
+    for interval in used.values():
+        inside = [(interval.lo + interval.hi) / 2, *([Fraction(0)] if interval.lo < 0 < interval.hi else [])]
+        axes.append([as_rational(value) for value in dict.fromkeys((interval.lo, interval.hi, *inside))])
+    for values in islice(product(*axes), MAX_POINTS):
+        yield dict(zip(used, values, strict=True))
+
+
+def _at(point: Point) -> str:
+    return f" at {', '.join(f'{name} = {value}' for name, value in point.items())}" if point else ""

@@ -1,0 +1,210 @@
+"""Polynomials proved nonnegative: Gram matrices from a solver, rounded, projected and proved semidefinite over Q.
+
+``p − Σ_k σ_k g_k = m(x)ᵀ G m(x)`` with every ``σ_k`` a sum of squares too shows ``p ≥ 0`` wherever all ``g_k ≥ 0``.
+What the solver returns is a hint: identity and semidefiniteness are checked exactly, and what is not proved is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+
+import sympy
+
+from certify.inequalities.exact_psd import PositiveSemidefinite, prove_positive_semidefinite
+from certify.inequalities.matrices import FloatMatrix, Matrix
+from symbolic.constants import as_fraction, as_rational
+
+MAX_BASIS = 120
+_ROUNDING_BITS = (12, 20, 30, 40)
+
+Monomial = tuple[int, ...]
+Basis = tuple[Monomial, ...]
+Coefficients = dict[Monomial, Fraction]
+
+
+@dataclass(frozen=True)
+class Gram:
+    """The polynomial ``m(x)ᵀ G m(x)``, ``G ⪰ 0`` proved; ``basis`` holds the exponents of the monomials ``m``."""
+
+    basis: Basis
+    matrix: Matrix
+
+
+@dataclass(frozen=True)
+class NonnegativityProof:
+    """``p = main + Σ multipliers[k]·domain[k]``; ``multipliers`` follow the order of the domain."""
+
+    main: Gram
+    multipliers: tuple[Gram, ...]
+
+
+@dataclass(frozen=True)
+class NoProof:
+    """Nothing was proved; the polynomial may or may not be nonnegative."""
+
+    reason: str
+
+
+def prove_nonnegative(p: sympy.Poly, domain: Sequence[sympy.Poly] = ()) -> NonnegativityProof | NoProof:
+    """Prove ``p(x) ≥ 0`` for all real ``x`` with every ``g(x) ≥ 0``, ``g`` in ``domain``.
+
+    ``p`` and ``domain`` have rational coefficients and the same generators. Raises ValueError otherwise.
+    """
+    target = coefficients(p)
+    constraints = [coefficients(g) for g in domain]
+    if any(g.gens != p.gens for g in domain):
+        raise ValueError("the polynomials must have the same generators")
+    if not target:
+        return NonnegativityProof(Gram((), ()), tuple(Gram((), ()) for _ in constraints))
+    bases = _bases(target, constraints, len(p.gens))
+    if isinstance(bases, NoProof):
+        return bases
+    from certify.bounds.gram_search import search_gram  # cvxpy takes a second to import
+
+    found = search_gram(target, constraints, bases)
+    if isinstance(found, str):
+        return NoProof(found)
+    for bits in _ROUNDING_BITS:
+        proof = _rounded(target, constraints, bases, found, bits)
+        if proof is not None:
+            return proof
+    return NoProof(
+        "no rounding of the solver's Gram matrix is positive semidefinite; it may be only semidefinite itself"
+    )
+
+
+def largest_multiple(p: sympy.Poly, q: sympy.Poly, domain: Sequence[sympy.Poly] = ()) -> float | None:
+    """An estimate of the largest ``t ≤ 10^6`` with ``p − t q`` a sum of squares on the domain; None without one."""
+    target, subtracted = coefficients(p), coefficients(q)
+    constraints = [coefficients(g) for g in domain]
+    bases = _bases({**target, **subtracted}, constraints, len(p.gens))
+    if isinstance(bases, NoProof):
+        return None
+    from certify.bounds.gram_search import search_multiple
+
+    return search_multiple(target, subtracted, constraints, bases)
+
+
+def coefficients(p: sympy.Poly) -> Coefficients:
+    """Exponents and rational coefficients. Raises ValueError for coefficients that are not rational."""
+    if not (p.domain.is_ZZ or p.domain.is_QQ):
+        raise ValueError(f"{p.as_expr()} has coefficients that are not rational numbers")
+    return {tuple(m): as_fraction(sympy.Rational(c)) for m, c in p.terms() if c != 0}
+
+
+def polynomial(gram: Gram, gens: Sequence[sympy.Symbol]) -> sympy.Poly:
+    """``m(x)ᵀ G m(x)`` as a polynomial."""
+    return sympy.Poly({m: as_rational(c) for m, c in expansion(gram).items()} or 0, *gens, domain="QQ")
+
+
+def expansion(gram: Gram) -> Coefficients:
+    """The coefficients of ``m(x)ᵀ G m(x)``."""
+    total: Coefficients = {}
+    for i, left in enumerate(gram.basis):
+        for j, right in enumerate(gram.basis):
+            monomial = plus(left, right)
+            total[monomial] = total.get(monomial, Fraction(0)) + gram.matrix[i][j]
+    return {m: c for m, c in total.items() if c}
+
+
+def plus(left: Monomial, right: Monomial) -> Monomial:
+    return tuple(a + b for a, b in zip(left, right, strict=True))
+
+
+def times(left: Coefficients, right: Coefficients) -> Coefficients:
+    total: Coefficients = {}
+    for m, c in left.items():
+        for n, d in right.items():
+            total[plus(m, n)] = total.get(plus(m, n), Fraction(0)) + c * d
+    return total
+
+
+def _bases(target: Coefficients, constraints: Sequence[Coefficients], variables: int) -> tuple[Basis, ...] | NoProof:
+    """A monomial basis for the main Gram matrix, then one for each multiplier."""
+    degree = max(sum(m) for m in target)
+    reach = max([degree, *(max(sum(m) for m in g) for g in constraints)])
+    reach += reach % 2
+    multipliers = []
+    support = set(target)
+    for g in constraints:
+        rest = (reach - max(sum(m) for m in g)) // 2
+        basis = _monomials([rest] * variables, 0, rest)
+        multipliers.append(basis)
+        support |= {plus(plus(a, b), m) for a in basis for b in basis for m in g}
+    top = [(max(m[k] for m in support) + 1) // 2 for k in range(variables)]
+    lowest = (min(sum(m) for m in support) + 1) // 2
+    main = _consistent(_monomials(top, lowest, (max(sum(m) for m in support) + 1) // 2), support)
+    if max(map(len, (main, *multipliers))) > MAX_BASIS:
+        return NoProof(f"more than {MAX_BASIS} monomials are needed")
+    return (main, *multipliers)
+
+
+def _monomials(top: Sequence[int], lowest: int, highest: int) -> Basis:
+    exponents = product(*(range(min(bound, highest) + 1) for bound in top))
+    return tuple(sorted((m for m in exponents if lowest <= sum(m) <= highest), key=lambda m: (sum(m), m)))
+
+
+def _consistent(basis: Basis, support: set[Monomial]) -> Basis:
+    """Drop every monomial whose square can neither occur nor cancel: its diagonal entry, hence its row, must vanish."""
+    while True:
+        cross = {plus(a, b) for i, a in enumerate(basis) for b in basis[i + 1 :]}
+        kept = tuple(m for m in basis if plus(m, m) in support or plus(m, m) in cross)
+        if kept == basis:
+            return basis
+        basis = kept
+
+
+def _rounded(
+    target: Coefficients,
+    constraints: Sequence[Coefficients],
+    bases: Sequence[Basis],
+    found: Sequence[FloatMatrix],
+    bits: int,
+) -> NonnegativityProof | None:
+    """Round all Gram matrices, let the main one absorb the residual of the identity, prove each semidefinite."""
+    multipliers = []
+    rest = dict(target)
+    for g, basis, values in zip(constraints, bases[1:], found[1:], strict=True):
+        gram = Gram(basis, _short(values, bits))
+        multipliers.append(gram)
+        for m, c in times(expansion(gram), g).items():
+            rest[m] = rest.get(m, Fraction(0)) - c
+    main = _projected(Gram(bases[0], _short(found[0], bits)), rest)
+    if main is None or not all(_is_semidefinite(gram) for gram in (main, *multipliers)):
+        return None
+    return NonnegativityProof(main, tuple(multipliers))
+
+
+def _short(values: FloatMatrix, bits: int) -> Matrix:
+    size = len(values)
+    largest = max((abs(float(entry)) for row in values for entry in row), default=0.0)
+    if largest == 0:
+        return tuple((Fraction(0),) * size for _ in range(size))
+    unit = Fraction(2) ** (Fraction(largest).numerator.bit_length() - Fraction(largest).denominator.bit_length() - bits)
+    rounded = [[round(Fraction(float(entry)) / unit) * unit for entry in row] for row in values]
+    return tuple(tuple((rounded[i][j] + rounded[j][i]) / 2 for j in range(size)) for i in range(size))
+
+
+def _projected(gram: Gram, target: Coefficients) -> Gram | None:
+    """The nearest matrix with exactly the target's coefficients: entries that make a monomial share its defect."""
+    places: dict[Monomial, list[tuple[int, int]]] = {}
+    for i, left in enumerate(gram.basis):
+        for j, right in enumerate(gram.basis):
+            places.setdefault(plus(left, right), []).append((i, j))
+    if any(c and m not in places for m, c in target.items()):
+        return None
+    entries = [list(row) for row in gram.matrix]
+    for monomial, where in places.items():
+        defect = target.get(monomial, Fraction(0)) - sum((entries[i][j] for i, j in where), Fraction(0))
+        for i, j in where:
+            entries[i][j] += defect / len(where)
+    projected = Gram(gram.basis, tuple(map(tuple, entries)))
+    wanted = {m: c for m, c in target.items() if c}
+    return projected if expansion(projected) == wanted else None
+
+
+def _is_semidefinite(gram: Gram) -> bool:
+    return not gram.basis or isinstance(prove_positive_semidefinite(gram.matrix), PositiveSemidefinite)
