@@ -26,6 +26,7 @@ from certify.inequalities.exact_psd import PositiveDefinite, prove_positive_defi
 from certify.inequalities.instability import InstabilityProof, prove_instability
 from certify.inequalities.lyapunov import Inconclusive
 from certify.inequalities.matrices import Matrix, lyapunov_form, matrix, quadratic_form, to_float
+from certify.optimum import Optimum
 from symbolic.controller import AgentController
 from symbolic.derivation import derive
 from symbolic.derived import Derivation
@@ -37,7 +38,7 @@ from symbolic.steady_state import SteadyState
 EXAMPLE = Path(__file__).parent.parent / "examples" / "five_agents_published.toml"
 s, v1, w1, w2, z1, x1, x2, x3 = COST_VARIABLE, *(symbol(name) for name in ("v1", "w1", "w2", "z1", "x1", "x2", "x3"))
 UNIT = Interval(Fraction(-1), Fraction(1))
-ROTATION = {v1: UNIT}
+TWO = Interval(Fraction(2), Fraction(2))
 BINOMIAL = {1: (1,), 2: (1, 2), 3: (1, 3, 3)}
 
 
@@ -84,7 +85,7 @@ def steady(*z_star: object) -> SteadyState:
 def condition(
     agent: Agent, controller: AgentController, *z_star: object, at: Fraction | Interval = Fraction(2)
 ) -> LinearVerdict:
-    return necessary_condition(agent, controller, steady(*z_star), at, ROTATION)
+    return necessary_condition(agent, controller, steady(*z_star), at, [UNIT], [v1])
 
 
 # the matrix
@@ -237,11 +238,11 @@ def example() -> Derivation:
 
 
 @cache
-def example_box() -> tuple[tuple[sympy.Symbol, Interval], ...]:
+def example_box() -> tuple[tuple[Interval, ...], tuple[sympy.Symbol, ...]]:
     exosystem = load_plant(EXAMPLE).exosystem
     bounds = exosystem_bounds(exosystem)
     assert isinstance(bounds, ExosystemBounds)
-    return tuple(zip(exosystem.states, bounds.box, strict=True))
+    return bounds.sharp, exosystem.states
 
 
 def example_verdict(index: int, K: int, g: int, h: int) -> LinearVerdict:
@@ -253,7 +254,9 @@ def example_verdict(index: int, K: int, g: int, h: int) -> LinearVerdict:
         derived.id, derived.design.gamma, derived.design.observer, model.M, model.N, model.psi, *gains
     )
     assert isinstance(derived.steady_state, SteadyState)
-    return necessary_condition(derived.agent, controller, derived.steady_state, Fraction(2), dict(example_box()))
+    return necessary_condition(
+        derived.agent, controller, derived.steady_state, Optimum(Fraction(2), TWO), *example_box()
+    )
 
 
 @pytest.mark.parametrize("g", [1, 5])

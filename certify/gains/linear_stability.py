@@ -8,7 +8,7 @@ quadratic form that grows for every value in the exosystem's box proves instabil
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -21,6 +21,7 @@ from certify.bounds.rationals import log10_estimate, scientific
 from certify.gains.frozen_loop import Frozen, FrozenLoops, TooManyError
 from certify.gains.loop_matrix import plant_slopes
 from certify.inequalities.instability import InstabilityProof, prove_instability
+from certify.optimum import Optimum
 from symbolic.controller import AgentController
 from symbolic.plant import Agent, Interval
 from symbolic.point_parameters import without_point_parameters
@@ -61,13 +62,15 @@ def necessary_condition(
     agent: Agent,
     controller: AgentController,
     steady_state: SteadyState,
-    s_star: Fraction | Interval,
-    exosystem_box: Mapping[sympy.Symbol, Interval],
+    s_star: Fraction | Interval | Optimum,
+    exosystem_box: Sequence[Interval],
+    exosystem_states: Sequence[sympy.Symbol],
 ) -> LinearVerdict:
     """Decide whether the loop of one agent can be stable near its steady state with the controller's gains.
 
-    ``exosystem_box`` holds the exosystem for all time. Where ``s_star`` is an interval, or a slope is irrational, the
-    sign of a determinant must be certain on the whole enclosure. Raises ``ValueError`` when the shapes do not match.
+    ``exosystem_box`` holds the ``exosystem_states`` for all time. Where ``s_star`` is an interval, or a slope is
+    irrational, the sign of a determinant must be certain on the whole enclosure. Raises ``ValueError`` when the shapes
+    do not match.
     """
     agent = without_point_parameters(agent)
     _check_shapes(agent, controller, steady_state)
@@ -76,7 +79,9 @@ def necessary_condition(
     box = dict(zip(agent.parameters, agent.parameter_box, strict=True))
     if 2 ** len(names) > _MOST_VERTICES:
         return LinearVerdict("inconclusive", f"the box of {len(names)} parameters has too many vertices to be tried")
-    loops = FrozenLoops(agent, controller, slopes, s_star, exosystem_box)
+    optimum = s_star.enclosure if isinstance(s_star, Optimum) else s_star
+    disturbance = dict(zip(exosystem_states, exosystem_box, strict=True))
+    loops = FrozenLoops(agent, controller, slopes, optimum, disturbance)
     try:
         frozen = [
             state
