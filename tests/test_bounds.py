@@ -28,6 +28,7 @@ def interval(lo: object, hi: object) -> Interval:
 # rationals
 
 
+@settings(deadline=None)
 @given(st.fractions(), st.integers(4, 80))
 def test_rounding_is_outward_short_and_close(value: Fraction, bits: int) -> None:
     low, high = round_down(value, bits), round_up(value, bits)
@@ -36,6 +37,7 @@ def test_rounding_is_outward_short_and_close(value: Fraction, bits: int) -> None
     assert all(abs(end.numerator).bit_length() <= bits + 3 for end in (low, high) if end.denominator != 1)
 
 
+@settings(deadline=None)
 @given(st.fractions(min_value=0))
 def test_square_roots_enclose(value: Fraction) -> None:
     low, high = sqrt_down(value), sqrt_up(value)
@@ -58,6 +60,7 @@ def test_rounding_needs_bits() -> None:
 # balls
 
 
+@settings(deadline=None)
 @given(st.fractions(max_denominator=10**6))
 def test_a_rational_lies_in_its_ball_and_ends_are_exact(value: Fraction) -> None:
     ball = to_arb(value)

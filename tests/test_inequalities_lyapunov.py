@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import sympy
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from certify.inequalities import lyapunov, semidefinite
@@ -235,6 +235,7 @@ def test_vertices_of_a_parameter_box() -> None:
         vertex_matrices(sympy.Matrix([[p]]), {})
 
 
+@settings(deadline=None)
 @given(st.integers(1, 4), st.integers(4, 40), st.integers(0, 10**6))
 def test_rounded_matrices_are_symmetric_short_and_near(n: int, bits: int, seed: int) -> None:
     values = np.random.default_rng(seed).standard_normal((n, n)) * 10.0 ** (seed % 40 - 20)

@@ -97,6 +97,7 @@ def test_every_status_of_cvxpy_is_graded(monkeypatch: pytest.MonkeyPatch, status
         assert status.replace("_", " ") in outcome.reason
 
 
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_values_that_are_not_finite_are_a_failure(monkeypatch: pytest.MonkeyPatch, value: float) -> None:
     fake(monkeypatch, x=np.full(3, value))
