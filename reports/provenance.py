@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import re
+from importlib.metadata import version
 from typing import Any
 
 from reports import cells
 from reports.study import Study
 
+SHOWN_WITH = ("matplotlib", "networkx", "scipy", "typst")
 _ABSOLUTE = re.compile(r"(?<![\w.~-])(?:~|[A-Za-z]:)?[/\\](?:[^\s'\"/\\]+[/\\])*([^\s'\"/\\]+)")
 
 
 def reproducibility_section(study: Study) -> dict[str, Any]:
     """The data of ``reproducibility.typ``."""
+    versions = {name: version(name) for name in SHOWN_WITH} | dict(study.versions)
     return {
         "seed": cells.text("none used" if study.seed is None else study.seed),
         "commands": [portable(command) for command in study.commands],
-        "versions": [[cells.text(name), cells.text(version)] for name, version in sorted(study.versions.items())],
+        "versions": [[cells.text(name), cells.text(version)] for name, version in sorted(versions.items())],
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,9 @@ from matplotlib.figure import Figure
 from reports import cells
 from reports.certificate_view import CertifiedGains
 from reports.figures import style, svg
-from reports.numbers import shown
+from reports.numbers import scientific, shown
 from reports.tables import grouped
-from reports.typst_math import number
+from reports.typst_math import number, number_text
 from sims.closed_loop import Trajectory
 from sims.plots import plot_inputs, plot_outputs, plot_references, plot_tracking_error
 from symbolic.controller import AgentController, Controller
@@ -91,11 +92,12 @@ def _remark(simulated: Controller | None, certified: CertifiedGains | None) -> d
     """Whether the plots show the certified controller, in plain words."""
     if certified is None:
         return {
-            "lead": "Demonstration gains.",
+            "lead": "No certificate.",
             "certified": False,
             "exponent": None,
             "remark": cells.text(
-                "Nothing is certified about the gains of these plots. They illustrate; they prove nothing."
+                "The plots use the gains that the plant file fixes and demonstration gains for the others. "
+                "They illustrate; they prove nothing."
             ),
         }
     if simulated is not None and certified.same_as(simulated):
@@ -117,6 +119,11 @@ def _remark(simulated: Controller | None, certified: CertifiedGains | None) -> d
     }
 
 
+def _estimate(value: float) -> cells.Cell:
+    """A float of a simulation to two digits."""
+    return cells.math(number_text(scientific(Fraction(value), 2))) if np.isfinite(value) else cells.text("–")
+
+
 def _facts(trajectory: Trajectory, seed: int | None) -> list[list[Any]]:
     finite = np.isfinite(trajectory.error).all(axis=0)
     last = float(trajectory.error[:, finite][:, -1].max()) if finite.any() else float("nan")
@@ -125,8 +132,8 @@ def _facts(trajectory: Trajectory, seed: int | None) -> list[list[Any]]:
         ["Horizon", cells.text(f"{trajectory.t[-1]:g} s, {trajectory.status}")],
         [
             f"$max_i abs(y_i - s^star.op)$ at {trajectory.t[finite][-1] if finite.any() else 0:g} s",
-            cells.text(f"{last:.2g}"),
+            _estimate(last),
         ],
-        ["Longest saturated", cells.text(f"{100 * saturated:.2g} % of the time")],
+        ["Longest saturated", cells.text(f"{100 * saturated:.3g} % of the time")],
     ]
     return facts if seed is None else [*facts, ["Seed", cells.text(seed)]]
