@@ -1,0 +1,59 @@
+"""The whole check, from the bytes of two files to a verdict."""
+
+from __future__ import annotations
+
+from certify.checker.certificate import AgentClaim, Certificate, read_certificate
+from certify.checker.plant import Agent, Plant, read_plant
+from certify.checker.rules import agent_recipe, assumptions, coordinator
+from certify.checker.verdict import STEPS, Malformed, Rejected, Undecided, Verdict, require, start_meter
+
+
+def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
+    """``verified`` only if every obligation of the certificate's theorem is proved for the plant.
+
+    Whatever goes wrong in any other way, a fault of the checker, too little memory or more than ``steps`` elementary
+    steps included, is ``rejected``.
+    """
+    start_meter(steps)
+    try:
+        model, proof = read_plant(plant), read_certificate(certificate)
+        _prove(model, proof)
+    except Malformed as fault:
+        return Verdict("malformed", "", str(fault))
+    except Rejected as failure:
+        return Verdict("rejected", failure.obligation, failure.detail)
+    except Undecided as reason:
+        return Verdict("rejected", "undecided", str(reason))
+    except Exception as fault:  # noqa: BLE001 - whatever it is, nothing was proved
+        return Verdict("rejected", "unexpected", f"{type(fault).__name__}: {fault}")
+    return Verdict("verified", claim_sha256=proof.claim_sha256)
+
+
+def _prove(plant: Plant, certificate: Certificate) -> None:
+    _bind(plant, certificate)
+    facts = assumptions.prove(plant, certificate)
+    envelopes = coordinator.prove(plant, certificate, facts)
+    for agent, claim, witness, known, envelope in zip(
+            plant.agents, certificate.claims, certificate.witnesses, facts.agents, envelopes, strict=True):
+        agent_recipe.prove(agent, claim, witness, known, envelope, facts.optimum, facts.v)
+
+
+def _bind(plant: Plant, certificate: Certificate) -> None:
+    """The claim is about this plant file, about all its agents in their order, and keeps what the file fixes."""
+    require(certificate.plant_sha256 == plant.sha256, "plant_sha256: the certificate is for another plant file")
+    ids = [agent.id for agent in plant.agents]
+    if not ids == [claim.id for claim in certificate.claims] == [witness.id for witness in certificate.witnesses]:
+        raise Malformed("the claim and the witness list the agents 1, 2, … of the plant file in this order")
+    claimed = {"alpha1": certificate.alpha1, "alpha2": certificate.alpha2}
+    for agent, claim in zip(plant.agents, certificate.claims, strict=True):
+        gains = {"g": claim.g, "K": claim.K, "delta": claim.delta, "h": claim.h} | claimed
+        for key, value in plant.fixed.items():
+            require(gains[key] in (value, None), f"agent {agent.id}: {key} is fixed by the plant file", fixed=value)
+        _bind_design(agent, claim)
+
+
+def _bind_design(agent: Agent, claim: AgentClaim) -> None:
+    name = f"agent {agent.id}"
+    require(agent.gamma in (None, claim.gamma), f"{name}: gamma is fixed by the plant file")
+    require(agent.observer in (None, claim.observer), f"{name}: observer is fixed by the plant file")
+    require(agent.internal_model in (None, (claim.M, claim.N)), f"{name}: M and N are fixed by the plant file")

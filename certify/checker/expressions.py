@@ -1,0 +1,286 @@
+"""Expressions of plant files and certificates: an allow-list parser to a tiny syntax tree, and one evaluator.
+
+    sum     = product (("+" | "-") product)*
+    product = unary (("*" | "/") unary)*
+    unary   = ("+" | "-") unary | power
+    power   = atom (("**" | "^") unary)?              the exponent is a constant integer
+    atom    = number | name | function "(" sum ")" | "(" sum ")"
+
+Rational constants are folded exactly while parsing, so a ``Number`` is exact and everything else is not known to be.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from math import isqrt
+from typing import Any
+
+from certify.checker.verdict import Malformed, spend
+
+FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "atan", "sinh", "cosh")
+
+MAX_LENGTH = 10_000
+MAX_DEPTH = 24
+MAX_NODES = 2_000
+MAX_EXPONENT = 64
+MAX_BITS = 10_000
+MAX_DIGITS = 1_000
+MAX_DECIMAL_EXPONENT = 400
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_DECIMAL = re.compile(r"([0-9]*)(?:\.([0-9]*))?(?:[eE]([+-]?[0-9]{1,6}))?")
+_TOKEN = re.compile(r"[ \t\r\n]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+                    r"|(?P<name>[A-Za-z][A-Za-z0-9_]*)|(?P<op>\*\*|[-+*/^()])|(?P<end>\Z))")
+
+
+@dataclass(frozen=True)
+class Number:
+    value: Fraction
+
+
+@dataclass(frozen=True)
+class Name:
+    name: str
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Each term is marked True if it is subtracted."""
+
+    terms: tuple[tuple[Node, bool], ...]
+
+
+@dataclass(frozen=True)
+class Product:
+    """Each factor is marked True if it divides."""
+
+    factors: tuple[tuple[Node, bool], ...]
+
+
+@dataclass(frozen=True)
+class Power:
+    base: Node
+    exponent: int
+
+
+@dataclass(frozen=True)
+class Call:
+    function: str
+    argument: Node
+
+
+Node = Number | Name | Sum | Product | Power | Call
+
+
+def parse(text: str, names: Mapping[str, Node]) -> Node:
+    """The tree of the text, names replaced by what they stand for. Raises ``Malformed``."""
+    if len(text) > MAX_LENGTH:
+        raise Malformed("the expression is too long")
+    return _Parser(text, names).whole()
+
+
+def decimal(text: str) -> Fraction:
+    """The exact value of an unsigned integer or decimal such as ``12``, ``0.1`` or ``1e-3``."""
+    match = _DECIMAL.fullmatch(text)
+    if match is None or not (match[1] or match[2]):
+        raise Malformed(f"not a number: {text[:40]!r}")
+    digits, places, exponent = match[1] + (match[2] or ""), len(match[2] or ""), int(match[3] or 0)
+    if len(digits) > MAX_DIGITS or abs(exponent) > MAX_DECIMAL_EXPONENT:
+        raise Malformed("a number has too many digits")
+    return int(digits) * Fraction(10) ** (exponent - places)
+
+
+def evaluate(node: Node, values: Mapping[str, Any], number: Callable[[Fraction], Any],
+             call: Callable[[str, Any], Any]) -> Any:
+    """The value in any algebra with ``+ - * / **``: ``number`` embeds rationals, ``call`` applies a function."""
+    spend(20)
+    match node:
+        case Number(value):
+            return number(value)
+        case Name(name):
+            return values[name]
+        case Sum(terms):
+            total = None
+            for term, minus in terms:
+                part = evaluate(term, values, number, call)
+                part = -part if minus else part
+                total = part if total is None else total + part
+            return total
+        case Product(factors):
+            total = None
+            for factor, divides in factors:
+                part = evaluate(factor, values, number, call)
+                if total is None:
+                    total = number(Fraction(1)) / part if divides else part
+                else:
+                    total = total / part if divides else total * part
+            return total
+        case Power(base, exponent):
+            return evaluate(base, values, number, call) ** exponent
+        case Call(function, argument):
+            return call(function, evaluate(argument, values, number, call))
+
+
+def names_in(node: Node) -> set[str]:
+    match node:
+        case Number():
+            return set()
+        case Name(name):
+            return {name}
+        case Sum(parts) | Product(parts):
+            return set().union(*(names_in(part) for part, _ in parts))
+        case Power(inner, _) | Call(_, inner):
+            return names_in(inner)
+
+
+def _size(node: Node) -> int:
+    match node:
+        case Sum(parts) | Product(parts):
+            return 1 + sum(_size(part) for part, _ in parts)
+        case Power(inner, _) | Call(_, inner):
+            return 1 + _size(inner)
+        case _:
+            return 1
+
+
+def terms_of(node: Node) -> list[Node]:
+    """The terms of a sum; any other expression is its only term."""
+    return [Sum((term,)) for term in node.terms] if isinstance(node, Sum) else [node]
+
+
+def exact_call(function: str, argument: Fraction) -> Fraction | None:
+    """The value of a function where it is known to be rational, else None."""
+    if function == "sqrt" and argument >= 0:
+        root = Fraction(isqrt(argument.numerator), isqrt(argument.denominator))
+        return root if root * root == argument else None
+    if function == "log":
+        return Fraction(0) if argument == 1 else None
+    if argument == 0:
+        return Fraction(1) if function in ("cos", "exp", "cosh") else Fraction(0)
+    return None
+
+
+class _Parser:
+    def __init__(self, text: str, names: Mapping[str, Node]) -> None:
+        self.text = text
+        self.names = names
+        self.kind, self.token, self.position = "", "", 0
+        self.nodes = 0
+        self.depth = 0
+        self.step()
+
+    def step(self) -> str:
+        """Moves to the next token and returns the one before it."""
+        before = self.token
+        match = _TOKEN.match(self.text, self.position)
+        if match is None:
+            raise Malformed(f"column {self.position + 1}: unexpected character in an expression")
+        self.count(1)
+        self.kind, self.token, self.position = str(match.lastgroup), match[str(match.lastgroup)], match.end()
+        return before
+
+    def count(self, nodes: int) -> None:
+        self.nodes += nodes
+        if self.nodes > MAX_NODES:
+            raise Malformed("the expression has too many parts")
+
+    def whole(self) -> Node:
+        node = self.sum()
+        if self.kind != "end":
+            raise self.fault("an operator")
+        return node
+
+    def fault(self, wanted: str) -> Malformed:
+        return Malformed(f"column {self.position}: {wanted} is needed in the expression")
+
+    def nested(self, read: Callable[[], Node]) -> Node:
+        self.depth += 1
+        if self.depth > MAX_DEPTH:
+            raise Malformed("the expression is nested too deeply")
+        node = read()
+        self.depth -= 1
+        return node
+
+    def sum(self) -> Node:
+        terms = [(self.product(), False)]
+        while self.token in ("+", "-"):
+            minus = self.step() == "-"
+            terms.append((self.product(), minus))
+        return terms[0][0] if len(terms) == 1 else _folded(Sum(tuple(terms)))
+
+    def product(self) -> Node:
+        factors = [(self.unary(), False)]
+        while self.token in ("*", "/"):
+            divides = self.step() == "/"
+            factors.append((self.unary(), divides))
+        return factors[0][0] if len(factors) == 1 else _folded(Product(tuple(factors)))
+
+    def unary(self) -> Node:
+        if self.token not in ("+", "-"):
+            return self.power()
+        minus = self.step() == "-"
+        node = self.nested(self.unary)
+        return _folded(Sum(((node, True),))) if minus else node
+
+    def power(self) -> Node:
+        base = self.atom()
+        if self.token not in ("**", "^"):
+            return base
+        self.step()
+        exponent = self.nested(self.unary)
+        if not isinstance(exponent, Number) or exponent.value.denominator != 1 or abs(exponent.value) > MAX_EXPONENT:
+            raise self.fault("a small constant integer as the exponent")
+        return _folded(Power(base, int(exponent.value)))
+
+    def atom(self) -> Node:
+        kind, token = self.kind, self.step()
+        if kind == "number":
+            return Number(decimal(token))
+        if token == "(":
+            return self.group()
+        if kind != "name":
+            raise self.fault("a number, a name or '('")
+        if token in FUNCTIONS:
+            if self.token != "(":
+                raise self.fault(f"an argument of {token}")
+            self.step()
+            return _folded(Call(token, self.group()))
+        if token not in self.names:
+            raise Malformed(f"the name {token[:40]} is not known here")
+        self.count(_size(self.names[token]))
+        return self.names[token]
+
+    def group(self) -> Node:
+        node = self.nested(self.sum)
+        if self.token != ")":
+            raise self.fault("')'")
+        self.step()
+        return node
+
+
+def _folded(node: Node) -> Node:
+    """The node, or the ``Number`` it is equal to when its parts are numbers."""
+    match node:
+        case Sum(parts) | Product(parts):
+            if not all(isinstance(part, Number) for part, _ in parts):
+                return node
+        case Power(Number(value), exponent):
+            if exponent == 0 and value == 0:
+                raise Malformed("0 to the power 0")
+            if (value.numerator.bit_length() + value.denominator.bit_length()) * abs(exponent) > MAX_BITS:
+                raise Malformed("a constant is too large")
+        case Call(function, Number(value)):
+            exact = exact_call(function, value)
+            return node if exact is None else Number(exact)
+        case _:
+            return node
+    try:
+        value = evaluate(node, {}, lambda q: q, lambda function, argument: None)
+    except ZeroDivisionError:
+        raise Malformed("division by zero in a constant") from None
+    if value.numerator.bit_length() + value.denominator.bit_length() > MAX_BITS:
+        raise Malformed("a constant is too large")
+    return Number(value)

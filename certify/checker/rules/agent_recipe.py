@@ -1,0 +1,249 @@
+"""Sections 3 and 4 of docs/certificate.md: one agent under state feedback, then under output feedback.
+
+Every number is an interval; upper bounds are points above what they bound. Names are those of the document.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from itertools import product
+
+from certify.checker import linear
+from certify.checker.certificate import AgentClaim, AgentWitness
+from certify.checker.derivatives import gradient
+from certify.checker.intervals import Interval, between, enclose, norm, quadratic_bound, symmetric, total
+from certify.checker.linear import Matrix
+from certify.checker.plant import Agent
+from certify.checker.rules.assumptions import AgentFacts
+from certify.checker.rules.coordinator import AgentEnvelope
+from certify.checker.verdict import Malformed, obligation, require
+
+ZERO = Interval(0, 0)
+MAX_FREE_ENTRIES = 12
+
+
+def prove(agent: Agent, claim: AgentClaim, witness: AgentWitness, facts: AgentFacts, envelope: AgentEnvelope,
+          optimum: Interval, v: Mapping[str, Interval]) -> None:
+    """All obligations of one agent. Raises ``Rejected``."""
+    with obligation(f"agent {agent.id}"):
+        rule = _Recipe(agent, claim, witness, facts, envelope, optimum, v)
+        rule.gains()
+        rule.lyapunov_inequalities()
+        rule.zero_dynamics()
+        rule.state_feedback()
+        if agent.order == 1:
+            require(claim.delta >= rule.claim.K * rule.theta_max, f"{rule.name}: δ ≥ K ϑ_max", theta_max=rule.theta_max)
+        else:
+            rule.output_feedback()
+
+
+class _Recipe:
+    """The plant, the claim and the witness of one agent, and the boxes that the level ``C`` confines it to."""
+
+    def __init__(self, agent: Agent, claim: AgentClaim, witness: AgentWitness, facts: AgentFacts,
+                 envelope: AgentEnvelope, optimum: Interval, v: Mapping[str, Interval]) -> None:
+        self.agent, self.claim, self.witness, self.facts, self.envelope = agent, claim, witness, facts, envelope
+        self.name, self.n, self.g = f"agent {agent.id}", agent.order, claim.g
+        self.optimum, self.v = optimum, v
+        self.nz, self.s = len(agent.zero_states), len(witness.ell)
+        shapes = [(witness.V0, self.nz), (witness.P1, self.n - 1), (witness.P2, self.s),
+                  (witness.P3, self.n if self.n > 1 else 0)]
+        observer = self.n if self.n > 1 else 0
+        lengths = (len(claim.gamma), len(claim.observer), claim.h is None)
+        if any(len(P) != size for P, size in shapes) or lengths != (self.n - 1, observer, self.n == 1):
+            raise Malformed(f"{self.name}: a matrix or a list has the wrong size")
+        for P, matrix in zip(("V0", "P1", "P2", "P3"), (P for P, _ in shapes), strict=True):
+            require(linear.is_positive_definite(matrix), f"{self.name}: {P} ≻ 0")
+        for name in ("a0", "level", "slack", "weight_eta", "weight_theta"):
+            require(getattr(witness, name) > 0, f"{self.name}: {name} > 0", value=getattr(witness, name))
+        self.boxes()
+
+    def boxes(self) -> None:
+        """The full box, the slice ``ϑ = 0`` and the reference points ``z = z*, x = (y, 0, …, 0)``."""
+        w, claim = self.witness, self.claim
+        C = self.C = w.level + w.slack
+        self.theta_max = enclose(2 * C * w.weight_theta).sqrt().upper
+        self.z_bar = _block(w.V0, C)
+        self.x_hat = _block(w.P1, C)
+        self.eta = _block(w.P2, C * w.weight_eta)
+        self.y = self.optimum + symmetric(self.envelope.peak)
+        chain = [self.g**k * x for k, x in enumerate(self.x_hat)]
+        pull = -self.g ** (self.n - 1) * total(c * x for c, x in zip(claim.gamma, self.x_hat, strict=True))
+        z = [a + b for a, b in zip(self.z_bar, self.facts.steady_state, strict=True)]
+        self.full = self.at(z, [*chain, symmetric(self.theta_max) + pull])
+        self.slice = self.at(z, [*chain, pull])
+        self.reference = self.at(self.facts.steady_state, [ZERO] * self.n)
+
+    def at(self, z: Sequence[Interval], x_bar: Sequence[Interval]) -> dict[str, Interval]:
+        """Names to intervals, with ``x = x̄ + (y, 0, …, 0)``."""
+        x = [x_bar[0] + self.y, *x_bar[1:]]
+        names = (*self.agent.zero_states, *self.agent.chain)
+        return {**self.v, **self.facts.w, **dict(zip(names, (*z, *x), strict=True))}
+
+    def require(self, holds: bool, name: str, **numbers: object) -> None:
+        require(holds, f"{self.name}: {name}", **numbers)
+
+    def gains(self) -> None:
+        claim, h = self.claim, self.claim.h
+        self.require(claim.g >= 1 and claim.K > 0 and claim.delta > 0, "g ≥ 1, K > 0, δ > 0", g=claim.g, K=claim.K)
+        self.require(h is None or h >= claim.g, "h ≥ g", h=h or 0, g=claim.g)
+
+    def lyapunov_inequalities(self) -> None:
+        """``AᵀP + PA ⪯ −I`` for the companion matrix of ``γ``, for ``M``, and for the observer's ``E3``."""
+        n, claim, w = self.n, self.claim, self.witness
+        blocks: list[tuple[str, Matrix, Matrix]] = [("MᵀP2 + P2 M ⪯ −I", claim.M, w.P2)]
+        if n > 1:
+            companion = [*linear.identity(n - 1)[1:], [-c for c in claim.gamma]]
+            E3 = [[-c, *row[1:]] for c, row in zip(reversed(claim.observer), _shift(n), strict=True)]
+            blocks += [("A_cᵀP1 + P1 A_c ⪯ −I", companion, w.P1), ("E3ᵀP3 + P3 E3 ⪯ −I", E3, w.P3)]
+        for name, A, P in blocks:
+            PA = linear.product(P, A)
+            left = linear.combine(-1, linear.combine(1, PA, 1, linear.transpose(PA)), -1, linear.identity(len(A)))
+            self.require(linear.is_nonnegative(left), name)
+
+    def zero_dynamics(self) -> None:
+        """``V0 J + JᵀV0 ⪯ −a0 I`` for every ``J`` in the enclosure of ``∂f0/∂z`` at ``x1 = y``: at its vertices."""
+        if not self.nz:
+            return
+        box = {**self.full, "x1": self.y}
+        rows = [[partials[name] for name in self.agent.zero_states] for partials in (
+            gradient(f0, box, self.agent.zero_states) for f0 in self.agent.zero_dynamics)]
+        free = [(i, j) for i, row in enumerate(rows) for j, entry in enumerate(row) if entry.a < entry.b]
+        self.require(len(free) <= MAX_FREE_ENTRIES, "A6: few uncertain entries of ∂f0/∂z", entries=len(free))
+        for ends in product((False, True), repeat=len(free)):
+            J = [[entry.lo for entry in row] for row in rows]
+            for (i, j), high in zip(free, ends, strict=True):
+                J[i][j] = rows[i][j].hi if high else J[i][j]
+            VJ = linear.product(self.witness.V0, J)
+            left = linear.combine(-1, linear.combine(1, VJ, 1, linear.transpose(VJ)),
+                                  -self.witness.a0, linear.identity(self.nz))
+            self.require(linear.is_nonnegative(left), "A6: V0 J + JᵀV0 ⪯ −a0 I", J=J, a0=self.witness.a0)
+
+    def state_feedback(self) -> None:
+        """The bounds ``ς``, the coefficients ``a_•`` and the level."""
+        n, g, K, w, claim = self.n, self.g, self.claim.K, self.witness, self.claim
+        b_min, b_max = self.facts.b.lower, self.facts.b.upper
+        at_slice, at_full, at_reference = (gradient(self.agent.f, box, [*self.agent.zero_states, *self.agent.chain])
+                                           for box in (self.slice, self.full, self.reference))
+        f0_full, f0_reference = (norm(gradient(f0, box, ["x1"])["x1"] for f0 in self.agent.zero_dynamics)
+                                 for box in (self.full, self.reference))
+        couple = 4 * enclose(linear.row_sum_bound(w.V0)) ** 2 / w.a0  # ς1²/a0
+        F_z = norm(at_slice[name] for name in self.agent.zero_states)
+        F_x = norm(self.chain_gradient(at_slice, inner=True))
+        F_theta = at_full[f"x{n}"].magnitude + (g * abs(claim.gamma[-1]) if n > 1 else 0)
+        f_y = self.f_y = at_reference["x1"].magnitude
+        P2N = norm(map(enclose, linear.apply(w.P2, claim.N)))
+        P2MN = norm(map(enclose, linear.apply(w.P2, linear.apply(claim.M, claim.N))))
+        psi_N = self.psi_N = abs(linear.dot(claim.psi, claim.N))
+        psi = self.psi = norm(map(enclose, claim.psi))
+
+        def loss(on_eta: Interval, on_theta: Interval) -> Interval:
+            """``A/ω_η + C/ω_ϑ``."""
+            return on_eta / w.weight_eta + on_theta / w.weight_theta
+
+        through_eta = 12 * P2N**2 / b_min**2
+        self.a_z = Fraction(w.a0, 2) - loss(through_eta * F_z**2, 2 * F_z**2)
+        self.a_x = g - 2 - couple * f0_full**2 - loss(through_eta * F_x**2, 2 * F_x**2)
+        self.a_eta = enclose(1 / (2 * w.weight_eta)) - 2 * b_max**2 * psi**2 / w.weight_theta
+        p1 = enclose(linear.row_sum_bound(w.P1) ** 2)
+        self.a_theta = (b_min * K - 1) / w.weight_theta - (p1 if n > 1 else couple * f0_full**2) - loss(
+            12 * (P2MN + P2N * F_theta) ** 2 / b_min**2, 2 * (F_theta + psi_N) ** 2)
+        for name in self.blocks():
+            self.require(getattr(self, name) > 0, f"{name} > 0", value=getattr(self, name))
+
+        kappa = 4 * P2N**2 / (b_min**2 * w.weight_eta) + 1 / (2 * w.weight_theta)
+        gamma_1 = claim.gamma[0] if n > 1 else Fraction(1)
+        s10 = couple * f0_reference**2 + 2 * kappa * f_y**2
+        s11 = p1 + 2 * kappa * g ** (2 * n - 2) * gamma_1**2
+        start = self.start()
+        level = start + s10 * self.envelope.energy + s11 * self.envelope.speed_energy
+        self.require(level <= w.level, "w0 + ς10 I_y + ς11 I_d ≤ c", w0=start, sum=level.upper, level=w.level)
+
+    def blocks(self) -> list[str]:
+        """The coefficients ``a_•`` of the blocks that there are."""
+        present = {"a_z": self.nz, "a_x": self.n > 1, "a_eta": self.s, "a_theta": True}
+        return [name for name, there in present.items() if there]
+
+    def chain_gradient(self, partials: Mapping[str, Interval], inner: bool) -> list[Interval]:
+        """``g^(k−1) ∂_k f1 − g^(n−1) γ_k ∂_n f1``, ``k < n``; ``inner`` adds the share of ``Σ g^(n−k) γ_k x̄_(k+1)``."""
+        n, g, gamma = self.n, self.g, self.claim.gamma
+        result = []
+        for k in range(1, n):
+            entry = g ** (k - 1) * partials[f"x{k}"] - g ** (n - 1) * gamma[k - 1] * partials[f"x{n}"]
+            if inner:
+                entry = entry + (g**n * gamma[k - 2] if k > 1 else 0) - g**n * gamma[n - 2] * gamma[k - 1]
+            result.append(entry)
+        return result
+
+    def start(self) -> Interval:
+        """``w0``: a bound of ``V0 + V1 + V2/ω_η + ϑ²/(2ω_ϑ)`` on the initial set."""
+        n, g, w, claim, facts = self.n, self.g, self.witness, self.claim, self.facts
+        x_bar = [between(*box) for box in self.agent.x_box]
+        x_bar[0] = x_bar[0] - between(*self.agent.reference_box)
+        weights = [g ** (n - k) * c for k, c in enumerate((*claim.gamma, Fraction(1)), 1)]
+        theta = total(weight * x for weight, x in zip(weights, x_bar, strict=True))
+        z_bar = [between(*box) - z for box, z in zip(self.agent.z_box, facts.steady_state_at_start, strict=True)]
+        x_hat = [x / g**k for k, x in enumerate(x_bar[:-1])]
+        T_tau = [total(t * tau for t, tau in zip(row, facts.tau, strict=True)) for row in facts.T]
+        eta = [between(*self.agent.eta_box) - x - N * theta / facts.b for x, N in zip(T_tau, claim.N, strict=True)]
+        return (quadratic_bound(w.V0, z_bar) + quadratic_bound(w.P1, x_hat) + quadratic_bound(w.P2, eta) / w.weight_eta
+                + theta**2 / (2 * w.weight_theta)).upper
+
+    def output_feedback(self) -> None:
+        """Section 4: the saturation level, the first phase (h1, h2) and the second (h3)."""
+        n, g, w, claim, h = self.n, self.g, self.witness, self.claim, self.claim.h or Fraction(1)
+        K, delta, slack, b_max, psi = claim.K, claim.delta, w.slack, self.facts.b.upper, self.psi
+        E2 = [(g / h) ** (n - k) * c for k, c in enumerate((*claim.gamma, Fraction(1)), 1)]
+        inverse = linear.inverse(w.P3)
+        reach = enclose(slack / 2 * linear.dot(E2, linear.apply(inverse, E2))).sqrt()
+        self.require(K * (self.theta_max + reach) <= delta, "δ ≥ K (ϑ_max + √(½ ϵ E2 P3⁻¹ E2ᵀ))",
+                     theta_max=self.theta_max, reach=reach, delta=delta)
+
+        partials = gradient(self.agent.f, self.full, [*self.agent.zero_states, *self.agent.chain])
+        F_z = norm(partials[name] for name in self.agent.zero_states)
+        F_x = norm(self.chain_gradient(partials, inner=False))
+        F_n = partials[f"x{n}"].magnitude
+        p3 = norm(enclose(row[-1]) for row in w.P3)
+        lambda_M = linear.row_sum_bound(w.P3)
+        X2 = (F_z * norm(self.z_bar) + F_x * norm(self.x_hat) + F_n * self.theta_max + self.f_y * self.envelope.peak
+              + b_max * (delta + psi * norm(self.eta)) + self.psi_N * self.theta_max)
+        self.require(4 * lambda_M * p3**2 * X2**2 / h**2 <= slack / 4, "h1: 4 λ_M p3² X2²/h² ≤ ϵ/4", X2=X2.upper, h=h)
+
+        delta_1 = b_max / w.weight_theta * self.theta_max * (delta + K * self.theta_max)
+        T = slack / (4 * delta_1)
+        start = quadratic_bound(w.P3, self.error_at_start(h))
+        left = (-(h * T / (2 * lambda_M)).lower).exp() * start
+        self.require(left <= slack / 4, "h2: e^(−hT/(2λ_M)) We(0) ≤ ϵ/4", left=left.upper, T=T.lower, We=start)
+
+        beta = 12 * p3**2 / h
+        margins = {
+            "a_z": self.a_z - beta * F_z**2,
+            "a_x": self.a_x - beta * F_x**2,
+            "a_eta": self.a_eta - beta * b_max**2 * psi**2,
+            "a_theta": self.a_theta / 2 - beta * (F_n + b_max * K + self.psi_N) ** 2}
+        for name in self.blocks():
+            self.require(margins[name] > 0, f"h3: {name} exceeds what ẋ_n costs", left=margins[name])
+        size = norm(map(enclose, E2))
+        cost = beta * b_max**2 * K**2 * size**2 + (b_max * K * size / w.weight_theta) ** 2 / (2 * self.a_theta)
+        self.require(cost < h / 2, "h3: h/2 > β b²K²‖E2‖² + (bK‖E2‖/ω_ϑ)²/(2a_ϑ)", right=cost.upper, h=h)
+        drift = beta * self.f_y**2 * self.envelope.energy
+        self.require(drift <= slack / 8, "h3: β ς_f² I_y ≤ ϵ/8", left=drift.upper, slack=slack)
+
+    def error_at_start(self, h: Fraction) -> list[Interval]:
+        """``e_k(0) = h^(n−k) (x_k(0) − x~_k(0))``."""
+        x = [between(*box) for box in self.agent.x_box]
+        guess = self.agent.observer_box
+        error = [ZERO, *x[1:]] if guess is None else [a - between(*b) for a, b in zip(x, guess, strict=True)]
+        return [h ** (self.n - k) * entry for k, entry in enumerate(error, 1)]
+
+
+def _block(P: Matrix, level: Fraction) -> list[Interval]:
+    """``|x_k| ≤ √(level (P⁻¹)_kk)`` on ``{xᵀPx ≤ level}``."""
+    return [symmetric(enclose(level * row[k]).sqrt()) for k, row in enumerate(linear.inverse(P))]
+
+
+def _shift(n: int) -> Matrix:
+    return [[Fraction(int(j == i + 1)) for j in range(n)] for i in range(n)]
+
+

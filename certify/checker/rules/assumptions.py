@@ -1,0 +1,207 @@
+"""Section 1 of docs/certificate.md: the assumptions A0 to A5 and the internal models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from itertools import product
+
+from certify.checker import functions, linear
+from certify.checker.certificate import AgentClaim, AgentWitness, Certificate
+from certify.checker.expressions import Name, Node, evaluate, names_in, parse
+from certify.checker.intervals import Interval, between, enclose, hull, quadratic_bound, symmetric
+from certify.checker.linear import Matrix
+from certify.checker.plant import Agent, Plant
+from certify.checker.polynomials import ZERO, Algebra, Rational, constant, variable
+from certify.checker.rules.costs import Cost, prove_cost, prove_optimum
+from certify.checker.verdict import Malformed, obligation, require
+
+MAX_PIECES = 64
+
+
+@dataclass(frozen=True)
+class AgentFacts:
+    """Enclosures of ``w``, ``b(w)``, ``z*`` for all time and at the start, and ``τ`` at the start; the matrix ``T``."""
+
+    w: Mapping[str, Interval]
+    b: Interval
+    steady_state: tuple[Interval, ...]
+    steady_state_at_start: tuple[Interval, ...]
+    T: Matrix
+    tau: tuple[Interval, ...]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is proved about the network, and per agent."""
+
+    r: tuple[Fraction, ...]
+    costs: tuple[Cost, ...]
+    optimum: Interval
+    optimal_slopes: tuple[Interval, ...]
+    v: Mapping[str, Interval]
+    agents: tuple[AgentFacts, ...]
+
+
+def prove(plant: Plant, certificate: Certificate) -> Facts:
+    """A0 to A5. Raises ``Rejected``."""
+    r = _network(plant)
+    costs = tuple(prove_cost(agent) for agent in plant.agents)
+    lo, hi = certificate.optimum
+    slopes = prove_optimum(costs, lo, hi)
+    v = _exosystem(plant, certificate)
+    agents = tuple(
+        _AgentProof(plant, agent, claim, witness, (lo, hi), v).prove()
+        for agent, claim, witness in zip(plant.agents, certificate.claims, certificate.witnesses, strict=True))
+    return Facts(r, costs, between(lo, hi), slopes, v, agents)
+
+
+def _network(plant: Plant) -> tuple[Fraction, ...]:
+    """A2: all agents reach and are reached by the first; ``r`` from ``rᵀL = 0``, ``Σ r = 1``."""
+    L = plant.laplacian
+    require(_all_reached(L) and _all_reached(linear.transpose(L)), "A2: strongly connected")
+    system = [*linear.transpose(L)[:-1], [Fraction(1)] * len(L)]
+    with obligation("A2: left null vector"):
+        r = [row[0] for row in linear.solve(system, [[Fraction(0)]] * (len(L) - 1) + [[Fraction(1)]])]
+    require(min(r) > 0 and not any(linear.apply(linear.transpose(L), r)), "A2: rᵀL = 0, r > 0", r=r)
+    return tuple(r)
+
+
+def _all_reached(L: Matrix) -> bool:
+    reached, pending = {0}, [0]
+    while pending:
+        i = pending.pop()
+        new = {j for j, entry in enumerate(L[i]) if entry < 0} - reached
+        reached |= new
+        pending += new
+    return len(reached) == len(L)
+
+
+def _exosystem(plant: Plant, certificate: Certificate) -> dict[str, Interval]:
+    """A4: ``Q ≻ 0`` with ``SᵀQ + QS = 0``. Returns ``|v_k(t)| ≤ √((Q⁻¹)_kk max vᵀQv)``."""
+    names, Q = list(plant.exosystem), certificate.Q
+    if not names:
+        if Q is not None:
+            raise Malformed("exosystem: there is none")
+        return {}
+    if Q is None or len(Q) != len(names):
+        raise Malformed(f"exosystem: a {len(names)}×{len(names)} matrix is needed")
+    require(plant.S is not None, "A4: S is rational")
+    require(linear.is_positive_definite(Q), "A4: Q ≻ 0", Q=Q)
+    QS = linear.product(Q, plant.S or [])
+    residual = linear.combine(1, QS, 1, linear.transpose(QS))
+    require(not any(map(any, residual)), "A4: SᵀQ + QS = 0", residual=residual)
+    energy = quadratic_bound(Q, [between(*box) for box in plant.exosystem.values()])
+    inverse = linear.inverse(Q)
+    return {name: symmetric((energy * inverse[k][k]).sqrt()) for k, name in enumerate(names)}
+
+
+def sharpened(enclosure: Callable[[Mapping[str, Interval]], Interval], box: Mapping[str, Interval], names: set[str]
+              ) -> Interval:
+    """The hull of the enclosures over pieces of the box, cut evenly along the named directions in which it is wide."""
+    wide = [name for name in sorted(names & box.keys()) if box[name].a < box[name].b]
+    parts = max(k for k in range(1, MAX_PIECES + 1) if k == 1 or k ** len(wide) <= MAX_PIECES) if wide else 1
+    cuts = {}
+    for name in wide:
+        lo, width = box[name].lo, box[name].hi - box[name].lo
+        cuts[name] = [between(lo + width * k / parts, lo + width * (k + 1) / parts) for k in range(parts)]
+    return hull(*(enclosure({**box, **dict(zip(wide, piece, strict=True))}) for piece in product(*cuts.values())))
+
+
+class _AgentProof:
+    """A0, A3, A5 of one agent, as identities between rational functions of ``s, v, w``."""
+
+    def __init__(self, plant: Plant, agent: Agent, claim: AgentClaim, witness: AgentWitness,
+                 optimum: tuple[Fraction, Fraction], v: Mapping[str, Interval]) -> None:
+        self.agent, self.claim, self.witness, self.v = agent, claim, witness, v
+        self.point = optimum[0] if optimum[0] == optimum[1] else None
+        self.optimum = between(*optimum)
+        self.name = f"agent {agent.id}"
+        self.w = {name: between(*box) for name, box in agent.parameters.items()}
+        self.v0 = {name: between(*box) for name, box in plant.exosystem.items()}
+        self.algebra = Algebra()
+        self.symbols = {name: variable(name) for name in ("s", *v, *self.w)}
+        states = [self.symbols[name] for name in v]
+        self.exosystem = {name: sum((x * constant(entry) for x, entry in zip(states, row, strict=True)), ZERO)
+                          for name, row in zip(v, plant.S or [], strict=True)}
+        self.nodes = [parse(text, {name: Name(name) for name in self.symbols}) for text in witness.steady_state]
+        s, n = len(witness.ell), len(self.nodes)
+        sizes = [len(claim.M), len(claim.N), len(claim.psi), *map(len, claim.M)]
+        if n != len(agent.zero_states) or any(size != s for size in sizes):
+            raise Malformed(f"{self.name}: steady_state, M, N, psi or ell has the wrong size")
+
+    def prove(self) -> AgentFacts:
+        with obligation(f"{self.name}: A0"):
+            b = self.origin_and_input_gain()
+        with obligation(f"{self.name}: A3"):
+            self.regulator()
+            z, z_at_start = (tuple(self.range(node, v) for node in self.nodes) for v in (self.v, self.v0))
+        with obligation(f"{self.name}: A5"):
+            tau = self.immersion()
+            return AgentFacts(self.w, b, z, z_at_start, self.transformation(), tau)
+
+    def identity(self, value: Rational, name: str) -> None:
+        require(value.is_zero, f"{self.name}: {name}", terms_left=len(value.top.terms))
+
+    def range(self, node: Node, v: Mapping[str, Interval]) -> Interval:
+        box = {"s": self.optimum, **v, **self.w}
+        return sharpened(lambda piece: evaluate(node, piece, enclose, functions.call), box, names_in(node))
+
+    def origin_and_input_gain(self) -> Interval:
+        """A0: ``f0(0, 0, 0, w) = 0``, ``f1(0, 0, 0, w) = 0``, ``b > 0``. Returns ``[b]``."""
+        zeros = dict.fromkeys((*self.agent.zero_states, *self.agent.chain, *self.v), ZERO)
+        for node in (*self.agent.zero_dynamics, self.agent.f):
+            self.identity(self.algebra.read(node, {**self.symbols, **zeros}), "A0: f(0, 0, 0, w) = 0")
+        b = self.range(self.agent.b, {})
+        require(b > 0, f"{self.name}: A0: b > 0", b=b)
+        return b
+
+    def steady_states(self, s: Rational) -> dict[str, Rational]:
+        """``s, v, w`` and ``z = z*(s, v, w)``, ``x = (s, 0, …, 0)``."""
+        values = {**self.symbols, "s": s}
+        z = [self.algebra.read(node, values) for node in self.nodes]
+        chain = dict.fromkeys(self.agent.chain, ZERO)
+        return {**values, **chain, "x1": s, **dict(zip(self.agent.zero_states, z, strict=True))}
+
+    def regulator(self) -> None:
+        """A3: ``∂z*/∂v·S v = f0(z*, s, v, w)`` and ``z*(0, 0, w) = 0``."""
+        for node in self.nodes:
+            at_zero = self.algebra.read(node, {**self.symbols, **dict.fromkeys(("s", *self.v), ZERO)})
+            self.identity(at_zero, "A3: z*(0, 0, w) = 0")
+        values = self.steady_states(self.symbols["s"])
+        for name, f0 in zip(self.agent.zero_states, self.agent.zero_dynamics, strict=True):
+            speed = self.algebra.lie_derivative(values[name], self.exosystem)
+            self.identity(speed - self.algebra.read(f0, values), "A3: ∂z*/∂v·S v = f0(z*, s, v, w)")
+
+    def immersion(self) -> tuple[Interval, ...]:
+        """A5: ``L_S^s u* = Σ ℓ_k L_S^(k−1) u*``. Returns enclosures of ``τ = (u*, L_S u*, …)`` on the initial set."""
+        values = self.steady_states(self.symbols["s"] if self.point is None else constant(self.point))
+        u = -self.algebra.read(self.agent.f, values) / self.algebra.read(self.agent.b, values)
+        residual, tau = ZERO, []
+        for coefficient in self.witness.ell:
+            tau.append(u)
+            residual = residual - u * constant(coefficient)
+            u = self.algebra.lie_derivative(u, self.exosystem)
+        self.identity(residual + u, "A5: L_S^s u* = Σ ℓ_k L_S^(k−1) u*")
+        box = {"s": self.optimum, **self.v0, **self.w}
+        return tuple(sharpened(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u)) for u in tau)
+
+    def transformation(self) -> Matrix:
+        """``T`` with ``TΦ − MT = NΓ`` and ``ΨT = Γ``: the inverse of the observability matrix of ``(Ψ, M + NΨ)``."""
+        M, N, psi, ell = self.claim.M, self.claim.N, self.claim.psi, self.witness.ell
+        s = len(ell)
+        if not s:
+            return []
+        F = linear.combine(1, M, 1, [[n * p for p in psi] for n in N])
+        rows = [list(psi)]
+        while len(rows) < s:
+            rows.append([linear.dot(rows[-1], column) for column in linear.transpose(F)])
+        T = linear.inverse(rows)
+        phi = [*linear.identity(s)[1:], list(ell)]
+        gamma = linear.identity(s)[0]
+        residual = linear.combine(1, linear.product(T, phi), -1, linear.product(M, T))
+        require(residual == [[n * entry for entry in gamma] for n in N], f"{self.name}: A5: TΦ − MT = NΓ, Ψ = ΓT⁻¹",
+                residual=residual)
+        return T

@@ -1,0 +1,135 @@
+"""A1 and the optimum: bounds of the second derivatives over the whole line, and an interval that holds ``s*``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from certify.checker import functions, tails
+from certify.checker.expressions import Node, terms_of
+from certify.checker.intervals import Interval, between, enclose, hull, total
+from certify.checker.plant import Agent
+from certify.checker.polynomials import ZERO, Algebra, constant, variable
+from certify.checker.tails import Tail
+from certify.checker.verdict import Undecided, obligation, require
+
+HALF_LINES = (16, 256, 4096)
+CUTS = 500
+
+
+@dataclass(frozen=True)
+class Cost:
+    """``least ≤ c'' ≤ largest`` on the whole line; ``affine = (c'(0), c'')`` if ``c`` is a quadratic over Q."""
+
+    derivatives: Derivatives
+    least: Fraction
+    largest: Fraction
+    affine: tuple[Fraction, Fraction] | None = None
+
+    def slope(self, s: Interval) -> Interval:
+        """``c'`` on an interval, at whose ends it has its extremes."""
+        if self.affine:
+            return self.affine[0] + self.affine[1] * s
+        return hull(self.derivatives.at(1, s.lower), self.derivatives.at(1, s.upper))
+
+    def curvature(self, s: Interval) -> Interval:
+        return self.derivatives.at(2, s)
+
+
+class Derivatives:
+    """``c``, ``c'``, ``c''`` and ``c'''``, each as one rational function of ``s`` and atoms per term of ``c``."""
+
+    def __init__(self, cost: Node) -> None:
+        self.algebra = Algebra()
+        self.orders = [[self.algebra.read(term, {"s": variable("s")}) for term in terms_of(cost)]]
+        for _ in range(3):
+            self.orders.append([self.algebra.derivative(term, "s") for term in self.orders[-1]])
+
+    def at(self, order: int, s: Any, number: Callable[[Any], Any] = enclose,
+           call: Callable[[str, Any], Any] = functions.call) -> Any:
+        parts = [self.algebra.enclosure(term, {"s": s}, number, call) for term in self.orders[order]]
+        return sum(parts[1:], parts[0])
+
+    def quadratic(self) -> tuple[Fraction, Fraction] | None:
+        """``(c'(0), c'')`` if both are visibly rational and ``c''`` is constant."""
+        first, second = sum(self.orders[1], ZERO), sum(self.orders[2], ZERO).constant()
+        at_zero = None if second is None else (first - variable("s") * constant(second)).constant()
+        return None if second is None or at_zero is None else (at_zero, second)
+
+    def is_growing_polynomial(self) -> bool:
+        second = sum(self.orders[2], ZERO)
+        return not second.bottom and second.names() == {"s"}
+
+
+def prove_cost(agent: Agent) -> Cost:
+    """A1: exactly for polynomials, else by enclosing ``c''`` on pieces of ``[−R, R]`` and on both half-lines beyond."""
+    name = f"agent {agent.id}: A1: 0 < c'' ≤ l on the whole line"
+    with obligation(name):
+        derivatives = Derivatives(agent.cost)
+        require(not derivatives.is_growing_polynomial(), name, degree="3 or more")
+        affine = derivatives.quadratic()
+        found = enclose(affine[1]) if affine else _range_on_line(derivatives)
+    require(found > 0, name, curvature=found)
+    return Cost(derivatives, affine[1], affine[1], affine) if affine else Cost(derivatives, found.lo, found.hi)
+
+
+def prove_optimum(costs: Sequence[Cost], lo: Fraction, hi: Fraction) -> tuple[Interval, ...]:
+    """``Σ c_i'(lo) ≤ 0 ≤ Σ c_i'(hi)``. Returns enclosures of ``c_i'([lo, hi])``."""
+    require(lo <= hi, "optimum: lo ≤ hi", lo=lo, hi=hi)
+    with obligation("optimum"):
+        quadratics = [cost.affine for cost in costs if cost.affine]
+        exact = [sum((a + b * s for a, b in quadratics), Fraction(0)) for s in (lo, hi)]
+        rest = [total(cost.slope(enclose(s)) for cost in costs if not cost.affine) for s in (lo, hi)]
+        below, above = (q if x.is_zero else q + x for q, x in zip(exact, rest, strict=True))
+        require(below <= 0 and above >= 0, "optimum: Σc'(lo) ≤ 0 ≤ Σc'(hi)", below=below, above=above)
+        return tuple(cost.slope(between(lo, hi)) for cost in costs)
+
+
+def _range_on_line(derivatives: Derivatives) -> Interval:
+    """An enclosure of ``c''`` on the whole line."""
+
+    def on_piece(s: Interval) -> Interval:
+        """The narrower of the natural enclosure and the mean-value form."""
+        middle = enclose((s.lo + s.hi) / 2)
+        natural, mean = derivatives.at(2, s), derivatives.at(2, middle) + derivatives.at(3, s) * (s - middle)
+        return between(max(natural.lo, mean.lo), min(natural.hi, mean.hi))
+
+    failure = Undecided("")
+    for start in HALF_LINES:
+        try:
+            ends = [_range_on_half_line(derivatives, start, sign) for sign in (1, -1)]
+        except Undecided as reason:
+            failure = reason
+        else:
+            return hull(*ends, _sharp_range(on_piece, start))
+    raise failure
+
+
+def _range_on_half_line(derivatives: Derivatives, start: int, sign: int) -> Interval:
+    s = Tail(start, Interval(sign, sign), (Fraction(0), Fraction(1)), (Fraction(sign), Fraction(0)))
+    found: Tail = derivatives.at(2, s, s.scalar, tails.call)
+    return found.range()
+
+
+def _sharp_range(function: Callable[[Interval], Interval], radius: int) -> Interval:
+    """The range on ``[−radius, radius]``: the piece that spoils an end most is halved until both are within 0.1 %."""
+    pieces = [(Fraction(k), Fraction(k + 1)) for k in range(-radius, radius)]
+    values = [function(between(*piece)) for piece in pieces]
+    lows, highs = [value.lo for value in values], [value.hi for value in values]
+    points = [function(enclose(k)) for k in range(-radius, radius + 1)]
+    inner_lo, inner_hi = min(point.hi for point in points), max(point.lo for point in points)
+    for _ in range(CUTS):
+        below, above = inner_lo - min(lows), max(highs) - inner_hi
+        if max(below, above) <= (inner_hi - inner_lo + abs(inner_lo)) / 1000:
+            break
+        worst = lows.index(min(lows)) if below > above else highs.index(max(highs))
+        lo, hi = pieces[worst]
+        middle = (lo + hi) / 2
+        point, halves = function(enclose(middle)), [(lo, middle), (middle, hi)]
+        inner_lo, inner_hi = min(inner_lo, point.hi), max(inner_hi, point.lo)
+        values = [function(between(*half)) for half in halves]
+        pieces[worst : worst + 1] = halves
+        lows[worst : worst + 1], highs[worst : worst + 1] = [v.lo for v in values], [v.hi for v in values]
+    return between(min(lows), max(highs))
