@@ -23,10 +23,10 @@ from certify.curvature import Curvature, cost_curvature
 from certify.gains.linear_stability import LinearVerdict, necessary_condition
 from certify.gains.requested import requested_controller
 from certify.optimum import NoOptimumError, Optimum, optimum
-from certify.recipe.agent_model import AgentModel, References
+from certify.agent_model import AgentModel, References
 from certify.recipe.certificate import recipe_certificate
 from certify.recipe.design import AgentInconclusive, AgentRecipe, design_agent
-from certify.recipe.internal_model import internal_model_data
+from certify.internal_trajectory import internal_model_data
 from certify.recipe.matrices import MatricesInconclusive, lyapunov_matrices
 from symbolic.derivation import AgentDerivation, Derivation, derive
 from symbolic.internal_model import InternalModel

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from flint import arb, arb_mat, arb_poly, ctx
 
-from certify.bounds.balls import PRECISION, to_arb, upper
+from certify.bounds.balls import PRECISION, to_arb, to_interval, upper
 from certify.bounds.rationals import round_up
 from certify.coordinator.mixing import Mixing, Rows
 from certify.coordinator.nominal import CoordinatorModel, Segment, magnitude, nominal_trajectory
@@ -36,10 +36,11 @@ class Comparison:
 class AgentEnvelope:
     """Bounds for one agent: ``|y^r − s*| ≤ peak`` for ever, ``∫ (y^r − s*)² ≤ energy``, ``∫ (ẏ^r)² ≤ rate_energy``.
 
-    ``deviation[k] ≥ |y^r − s*|`` and ``rate[k] ≥ |ẏ^r|`` on ``[t_k, t_(k+1)]``; after the grid they decay from
+    ``reference[k]`` encloses ``y^r``, ``deviation[k] ≥ |y^r − s*|`` and ``rate[k] ≥ |ẏ^r|`` on ``[t_k, t_(k+1)]``; after the grid they decay from
     ``tail_deviation`` and ``tail_rate`` at the rate ``tail_decay`` of the whole envelope.
     """
 
+    reference: tuple[Interval, ...]
     deviation: tuple[Fraction, ...]
     rate: tuple[Fraction, ...]
     tail_deviation: Fraction
@@ -159,9 +160,11 @@ def _agent(
     step = to_arb(mixing.step)
     kappa = norm.inverse[index, index].upper().sqrt().upper()
     nu = max(norm.dual(_closed_loop_row(index, model, end)) for end in _ends(comparison.damping[index]))
-    ys, rates = [], []
+    ys, rates, references = [], [], []
     for segment, deviation in zip(segments, deviations, strict=True):
         poly = segment.reference[index]
+        spread = magnitude(poly - poly[0], step) + kappa * deviation
+        references.append(to_interval(poly[0] + arb(0, spread.upper())))
         ys.append((_departure(poly, target, step) + kappa * deviation).upper())
         rates.append((magnitude(poly.derivative(), step) + segment.defect[index] + nu * deviation).upper())
     tail_y, tail_rate = (kappa * tail).upper(), (nu * tail + forcing).upper()
@@ -169,6 +172,7 @@ def _agent(
     energy = step * sum((y * y for y in ys), arb(0)) + tail_y**2 * lifetime
     rate_energy = step * sum((z * z for z in rates), arb(0)) + tail_rate**2 * lifetime
     return AgentEnvelope(
+        reference=tuple(references),
         deviation=tuple(_short(y) for y in ys),
         rate=tuple(_short(z) for z in rates),
         tail_deviation=_short(tail_y),

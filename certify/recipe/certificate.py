@@ -7,7 +7,7 @@ from typing import Any
 
 from certify.certificate import RECIPE, SCHEMA, Json, expression, number, numbers, rows
 from certify.coordinator.design import CoordinatorDesign
-from certify.recipe.agent_model import AgentModel, Matrix
+from certify.agent_model import AgentModel, Matrix
 from certify.recipe.design import AgentRecipe
 from symbolic.controller import AgentController
 from symbolic.plant import Interval, Plant

@@ -11,7 +11,7 @@ import sympy
 from certify.bounds.rationals import round_up, sqrt_up
 from certify.bounds.suprema import magnitude_bound
 from certify.inequalities.matrices import apply, inverse
-from certify.recipe.agent_model import (
+from certify.agent_model import (
     AgentModel,
     LyapunovMatrices,
     Matrix,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from certify.recipe.agent_model import AgentModel, LyapunovMatrices
+from certify.agent_model import AgentModel, LyapunovMatrices
 from certify.recipe.levels import Level, NoLevel, find_level
 from certify.recipe.thresholds import OutputFeedback, StateFeedback, output_feedback, state_feedback
 from symbolic.controller import AgentController

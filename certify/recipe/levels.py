@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from certify.bounds.balls import NonFiniteError
 from certify.bounds.rationals import round_up
-from certify.recipe.agent_model import AgentModel, LyapunovMatrices
+from certify.agent_model import AgentModel, LyapunovMatrices
 from certify.recipe.constants import (
     Constants,
     constants,

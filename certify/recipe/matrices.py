@@ -9,7 +9,7 @@ from certify.assumptions.a6_zero_dynamics import prove_zero_dynamics
 from certify.assumptions.given_lyapunov import Accepted
 from certify.inequalities.lyapunov import LyapunovProof, solve_lyapunov
 from certify.inequalities.matrices import Matrix
-from certify.recipe.agent_model import AgentModel, LyapunovMatrices, Row
+from certify.agent_model import AgentModel, LyapunovMatrices, Row
 from symbolic.steady_state import SteadyState
 
 FREE_DECAY = Fraction(4)

@@ -10,7 +10,7 @@ from flint import ctx
 from certify.bounds.balls import PRECISION, to_arb, upper
 from certify.bounds.rationals import round_down, round_up, sqrt_up
 from certify.inequalities.matrices import inverse
-from certify.recipe.agent_model import AgentModel, LyapunovMatrices, Row, euclidean_norm, quadratic_form_bound, row_sum_norm
+from certify.agent_model import AgentModel, LyapunovMatrices, Row, euclidean_norm, quadratic_form_bound, row_sum_norm
 from certify.recipe.constants import Constants, gain_K_threshold
 from certify.recipe.levels import Level
 

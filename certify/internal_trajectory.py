@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import sympy
 
-from certify.recipe.agent_model import InternalModelData
+from certify.agent_model import InternalModelData
 from symbolic.internal_model import InternalModel
 from symbolic.plant import Exosystem
 
