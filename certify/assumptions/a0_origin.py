@@ -11,10 +11,11 @@ import sympy
 from certify.assumptions.findings import Finding, Json
 from certify.bounds.balls import NonFiniteError
 from certify.bounds.intervals import simplest_between
+from certify.bounds.smoothness import unproved_guard
 from certify.bounds.suprema import lower_bound
 from symbolic.constants import as_rational
 from symbolic.identity import value_at, zero_test
-from symbolic.plant import Agent, Exosystem
+from symbolic.plant import Agent, Exosystem, Interval
 from symbolic.point_parameters import without_point_parameters
 
 SLACK = Fraction(1, 10**6)
@@ -33,6 +34,18 @@ def origin_warning(agent: Agent) -> str | None:
     if all(interval.lo <= 0 <= interval.hi for interval in agent.parameter_box):
         return None
     return "the parameter box does not contain the origin, as the paper asks; nothing in the proof needs it"
+
+
+def smoothness_warning(agent: Agent) -> str | None:
+    """The paper asks for smooth right-hand sides on the whole space; a certificate needs them on its own sets only."""
+    box: dict[sympy.Symbol, Interval | None] = dict(zip(agent.parameters, agent.parameter_box, strict=True))
+    for side in (*agent.zero_dynamics, agent.f):
+        everywhere = dict.fromkeys(side.free_symbols) | {name: box[name] for name in side.free_symbols & set(box)}
+        guard = unproved_guard(side, everywhere)
+        if guard is not None:
+            needs = f"{guard.owner} needs {guard.expression} to be {guard.need}"
+            return f"the right-hand side may not be smooth everywhere: {needs}"
+    return None
 
 
 def _not_at_rest(agent: Agent, exosystem: Exosystem) -> Finding | None:
@@ -69,9 +82,9 @@ def _input_gain(number: int, agent: Agent) -> Finding:
     """``b_min > 0`` by branch and bound, or a point where ``b`` is not positive."""
     box = dict(zip(agent.parameters, agent.parameter_box, strict=True))
     evidence: dict[str, Json] = {"b": str(agent.b)}
-    warning = origin_warning(agent)
-    if warning is not None:
-        evidence["warning"] = warning
+    warnings = [text for text in (origin_warning(agent), smoothness_warning(agent)) if text is not None]
+    if warnings:
+        evidence["warnings"] = warnings
     for point in _points(agent):
         value = agent.b.xreplace(point)
         ball = value_at(value, {})

@@ -20,6 +20,7 @@ from certify.assumptions.zero_jacobian import (
     not_smooth,
 )
 from certify.assumptions.zero_samples import ZeroDynamics, nonnegative_at, settings, zero_dynamics
+from certify.bounds.intervals import simplest_between
 from certify.inequalities.matrices import Matrix, add, identity, matrix, scale
 from symbolic.constants import as_rational
 from symbolic.hurwitz import HurwitzTest
@@ -27,6 +28,7 @@ from symbolic.plant import Agent, Exosystem
 from symbolic.point_parameters import without_point_parameters
 from symbolic.steady_state import SteadyState
 
+_SLACK = Fraction(1, 1000)
 _CLEARLY_UNSTABLE = Fraction(1, 10**9)
 _F1 = (
     "no gain reduces the drive f̂0(y^r) for n_z ≥ 2 with a V0 that is not quadratic (theory.md, F1): A6⁺ is not implied"
@@ -98,14 +100,21 @@ def _over_vertices(dynamics: ZeroDynamics, polytope: Polytope) -> Accepted | Ref
         return Refused(
             "unknown", reason, {"tried": ["½I", "Lyapunov equation at the mean matrix", "linear matrix inequality"]}
         )
-    where = "the corners of W" if polytope.exact else "the vertices of an enclosure of ∂f0/∂z"
-    return _accepted(dynamics.agent, proof, f"exact inequality at {where}")
+    if polytope.exact:
+        return _accepted(dynamics.agent, proof, "exact inequality at the corners of W")
+    rounded = QuadraticProof(proof.P, _short_below(proof.a0))
+    return _accepted(dynamics.agent, rounded, "exact inequality at the vertices of an enclosure of ∂f0/∂z")
 
 
 def _accepted(agent: Agent, proof: QuadraticProof, method: str) -> Accepted:
     z = sympy.Matrix(agent.zero_states)
     P = sympy.Matrix([[as_rational(entry) for entry in row] for row in proof.P])
     return Accepted(sympy.expand((z.T * P * z)[0]), proof.a0, proof.P, method)
+
+
+def _short_below(value: Fraction) -> Fraction:
+    """A short rational a little below a positive bound that is not exact anyway."""
+    return simplest_between(value * (1 - _SLACK), value)
 
 
 def _scalar_slope(dynamics: ZeroDynamics) -> Accepted | None:
@@ -116,7 +125,9 @@ def _scalar_slope(dynamics: ZeroDynamics) -> Accepted | None:
     _, high = entry_range(jacobian(agent)[0], agent, dynamics.exosystem)
     if high is None or high >= 0:
         return None
-    return _accepted(agent, QuadraticProof(((Fraction(1, 2),),), -high), "upper bound of ∂f0/∂z everywhere")
+    return _accepted(
+        agent, QuadraticProof(((Fraction(1, 2),),), _short_below(-high)), "upper bound of ∂f0/∂z everywhere"
+    )
 
 
 def _guessed(dynamics: ZeroDynamics) -> Accepted | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import sympy
@@ -18,30 +19,36 @@ from certify.optimum import NoOptimumError, optimum
 from symbolic.constants import as_rational
 from symbolic.plant import COST_VARIABLE, Agent, Exosystem, Plant
 from symbolic.regulator import solve_regulator
-from symbolic.steady_state import NoSteadyState, SteadyState
+from symbolic.steady_state import SteadyState
 
 
 def check_assumptions(plant: Plant) -> CheckReport:
     """Decide A0 … A6. Raises InputError where the user's own answers use names that they may not."""
-    exosystem = plant.exosystem
-    agents = plant.agents
+    spectrum = check_exosystem(plant.exosystem)
     s_star = _exact_optimum(plant)
-    spectrum = check_exosystem(exosystem)
-    steady = [solve_regulator(agent, exosystem) for agent in agents]
-    pairs = list(zip(agents, steady, strict=True))
-    findings = [
-        *(check_origin(agent, exosystem) for agent in agents),
-        *(check_cost(agent) for agent in agents),
-        check_network(plant.digraph),
-        *(check_regulator(agent, found) for agent, found in pairs),
-        spectrum,
-        *(_steady_input(agent, exosystem, found, s_star, spectrum) for agent, found in pairs),
-        *(
-            check_zero_dynamics(agent, exosystem, found if isinstance(found, SteadyState) else None, s_star)
-            for agent, found in pairs
-        ),
-    ]
-    return CheckReport(tuple(findings))
+    kinds: dict[Agent, tuple[Finding, ...]] = {}
+    decided: list[Finding] = [spectrum, check_network(plant.digraph)]
+    for agent in plant.agents:
+        kind = replace(agent, id=0, cost=sympy.S.Zero)
+        if kind not in kinds:
+            kinds[kind] = _dynamics(agent, plant.exosystem, s_star, spectrum)
+        decided.append(check_cost(agent))
+        decided.extend(replace(finding, agent=agent.id) for finding in kinds[kind])
+    return CheckReport(tuple(sorted(decided, key=lambda finding: finding.id)))
+
+
+def _dynamics(
+    agent: Agent, exosystem: Exosystem, s_star: Fraction | None, spectrum: Finding
+) -> tuple[Finding, Finding, Finding, Finding]:
+    """A0, A3, A5 and A6 of one agent; they do not depend on its number or its cost."""
+    found = solve_regulator(agent, exosystem)
+    steady_state = found if isinstance(found, SteadyState) else None
+    return (
+        check_origin(agent, exosystem),
+        check_regulator(agent, found),
+        _steady_input(agent, exosystem, steady_state, s_star, spectrum),
+        check_zero_dynamics(agent, exosystem, steady_state, s_star),
+    )
 
 
 def _exact_optimum(plant: Plant) -> Fraction | None:
@@ -52,12 +59,12 @@ def _exact_optimum(plant: Plant) -> Fraction | None:
 
 
 def _steady_input(
-    agent: Agent, exosystem: Exosystem, found: SteadyState | NoSteadyState, s_star: Fraction | None, spectrum: Finding
+    agent: Agent, exosystem: Exosystem, steady_state: SteadyState | None, s_star: Fraction | None, spectrum: Finding
 ) -> Finding:
     """A5 rests on ``z*`` (A3) and on the spectrum of ``S`` (A4)."""
-    if isinstance(found, NoSteadyState):
+    if steady_state is None:
         return Finding("A5", agent.id, "unknown", "u* needs the steady state of A3, which was not found")
     if spectrum.verdict != "holds":
         return Finding("A5", agent.id, "unknown", "an internal model needs A4, which was not proved")
     value: sympy.Expr = COST_VARIABLE if s_star is None else as_rational(s_star)
-    return check_steady_input(agent, exosystem, found, value)
+    return check_steady_input(agent, exosystem, steady_state, value)
