@@ -1,14 +1,18 @@
-"""Reads a certificate (canonical JSON, ``consensus-certificate/1``): the claim and the witnesses, and nothing else."""
+"""Reads a certificate (canonical JSON, ``consensus-certificate/1``): the claim and the witnesses, and nothing else.
+
+Each table of the format is a dataclass here: its keys are the fields, and the type of a field says how it is read.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import re
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from math import gcd
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from certify.checker.linear import Matrix
 from certify.checker.verdict import Malformed
@@ -17,12 +21,14 @@ SCHEMA = "consensus-certificate/1"
 THEOREM = "recipe/1"
 MAX_BYTES = 16 << 20
 MAX_DIGITS = 4_000
-MAX_SIZE = 512
-MAX_STEPS = 1_000_000
+MAX_ENTRIES = 512
+MAX_TEXT = 10_000
+MAX_INTEGER = 1_000_000
 
 Row = tuple[Fraction, ...]
+Texts = tuple[str, ...]
+T = TypeVar("T")
 _NUMBER = re.compile(r"(0|-?[1-9][0-9]*)(?:/([1-9][0-9]*))?")
-_DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
 @dataclass(frozen=True)
@@ -42,11 +48,33 @@ class AgentClaim:
 
 
 @dataclass(frozen=True)
+class Claim:
+    """The plant file that the claim is about, and the whole controller."""
+
+    plant_sha256: str
+    alpha1: Fraction
+    alpha2: Fraction
+    agents: tuple[AgentClaim, ...]
+
+
+@dataclass(frozen=True)
+class CoordinatorWitness:
+    """The comparison norm, its rates, and the time grid."""
+
+    P: Matrix
+    multiplier: Row
+    rate: Fraction
+    mixing_rate: Fraction
+    step: Fraction
+    steps: int
+
+
+@dataclass(frozen=True)
 class AgentWitness:
     """Steady state, immersion, Lyapunov matrices, level and weights of one agent."""
 
     id: int
-    steady_state: tuple[str, ...]
+    steady_state: Texts
     ell: Row
     V0: Matrix
     P1: Matrix
@@ -60,23 +88,29 @@ class AgentWitness:
 
 
 @dataclass(frozen=True)
+class Exosystem:
+    """A quadratic form that the exosystem keeps."""
+
+    Q: Matrix
+
+
+@dataclass(frozen=True)
+class Witness:
+    """What the checker needs to be told."""
+
+    optimum: Row
+    exosystem: Exosystem | None
+    coordinator: CoordinatorWitness
+    agents: tuple[AgentWitness, ...]
+
+
+@dataclass(frozen=True)
 class Certificate:
     """A claim, its digest, and its witnesses."""
 
     claim_sha256: str
-    plant_sha256: str
-    alpha1: Fraction
-    alpha2: Fraction
-    claims: tuple[AgentClaim, ...]
-    optimum: tuple[Fraction, Fraction]
-    Q: Matrix | None
-    P: Matrix
-    multiplier: Row
-    rate: Fraction
-    mixing_rate: Fraction
-    step: Fraction
-    steps: int
-    witnesses: tuple[AgentWitness, ...]
+    claim: Claim
+    witness: Witness
 
 
 def read_certificate(data: bytes) -> Certificate:
@@ -87,103 +121,90 @@ def read_certificate(data: bytes) -> Certificate:
         root = json.loads(data.decode("ascii"), parse_int=_no_number, parse_float=_no_number, parse_constant=_no_number)
         canonical = _canonical(root) + "\n"
     except (ValueError, RecursionError) as error:
-        raise Malformed(f"the certificate is not JSON: {error}") from None
+        raise Malformed(f"the certificate is not JSON in ASCII: {error}") from None
     if canonical.encode("ascii") != data:
         raise Malformed("the certificate is not canonical JSON")
-    _keys(root, "schema theorem producer claim witness")
+    _keys(root, {"schema", "theorem", "producer", "claim", "witness"})
     if (root["schema"], root["theorem"]) != (SCHEMA, THEOREM):
         raise Malformed(f"this checker reads {SCHEMA} with the theorem {THEOREM}")
     if not isinstance(root["producer"], dict) or len(root["producer"]) > 32:
         raise Malformed("the producer is a table of at most 32 entries")
     for text in root["producer"].values():
-        _text(text, 200)
-    claim = _keys(root["claim"], "plant_sha256 alpha1 alpha2 agents")
-    if not _DIGEST.fullmatch(_text(claim["plant_sha256"], 64)):
-        raise Malformed("plant_sha256 is a hex digest")
-    witness = _keys(root["witness"], "optimum exosystem coordinator agents")
-    optimum = _row(witness["optimum"])
-    if len(optimum) != 2:
-        raise Malformed("the optimum is an interval")
-    coordinator = _keys(witness["coordinator"], "P multiplier rate mixing_rate step steps")
-    return Certificate(
-        claim_sha256=hashlib.sha256(_canonical(claim).encode("ascii")).hexdigest(),
-        plant_sha256=claim["plant_sha256"], alpha1=_number(claim["alpha1"]), alpha2=_number(claim["alpha2"]),
-        claims=tuple(_agent_claim(entry) for entry in _list(claim["agents"])), optimum=(optimum[0], optimum[1]),
-        Q=None if witness["exosystem"] is None else _matrix(_keys(witness["exosystem"], "Q")["Q"]),
-        P=_matrix(coordinator["P"]), multiplier=_row(coordinator["multiplier"]), rate=_number(coordinator["rate"]),
-        mixing_rate=_number(coordinator["mixing_rate"]), step=_number(coordinator["step"]),
-        steps=_integer(coordinator["steps"], MAX_STEPS),
-        witnesses=tuple(_agent_witness(entry) for entry in _list(witness["agents"])))
+        _text(text)
+    digest = hashlib.sha256(_canonical(root["claim"]).encode("ascii")).hexdigest()
+    return Certificate(digest, _table(Claim, root["claim"]), _table(Witness, root["witness"]))
 
 
-def _agent_claim(value: Any) -> AgentClaim:
-    table = _keys(value, "id g K delta h gamma observer M N psi")
-    return AgentClaim(
-        id=_integer(table["id"], MAX_STEPS), g=_number(table["g"]), K=_number(table["K"]),
-        delta=_number(table["delta"]), h=None if table["h"] is None else _number(table["h"]),
-        gamma=_row(table["gamma"]), observer=_row(table["observer"]),
-        M=_matrix(table["M"]), N=_row(table["N"]), psi=_row(table["psi"]))
+def _table(kind: type[T], value: Any) -> T:
+    """A dataclass from the table that has its fields as keys."""
+    types = {field.name: str(field.type) for field in fields(kind)}  # type: ignore[arg-type]  # all of them are dataclasses
+    _keys(value, set(types))
+    return kind(**{name: _READERS[how](value[name]) for name, how in types.items()})
 
 
-def _agent_witness(value: Any) -> AgentWitness:
-    table = _keys(value, "id steady_state ell V0 P1 P2 P3 a0 level slack weight_eta weight_theta")
-    return AgentWitness(
-        id=_integer(table["id"], MAX_STEPS), ell=_row(table["ell"]),
-        steady_state=tuple(_text(entry, 10_000) for entry in _list(table["steady_state"])),
-        V0=_matrix(table["V0"]), P1=_matrix(table["P1"]), P2=_matrix(table["P2"]), P3=_matrix(table["P3"]),
-        a0=_number(table["a0"]), level=_number(table["level"]), slack=_number(table["slack"]),
-        weight_eta=_number(table["weight_eta"]), weight_theta=_number(table["weight_theta"]))
+def _keys(value: Any, keys: set[str]) -> None:
+    if not isinstance(value, dict) or value.keys() != keys:
+        raise Malformed(f"a table with exactly the keys {', '.join(sorted(keys))} is needed")
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list) or len(value) > MAX_ENTRIES:
+        raise Malformed(f"a list of at most {MAX_ENTRIES} entries is needed")
+    return value
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str) or len(value) > MAX_TEXT:
+        raise Malformed(f"a string of at most {MAX_TEXT} characters is needed")
+    return value
+
+
+def _number(value: Any) -> Fraction:
+    match = _NUMBER.fullmatch(_text(value))
+    if match is None or max(len(match[1]), len(match[2] or "")) > MAX_DIGITS:
+        raise Malformed("a number is written p or p/q")
+    p, q = int(match[1]), int(match[2] or 1)
+    if gcd(p, q) != 1 or match[2] == "1":
+        raise Malformed("a number is not in lowest terms")
+    return Fraction(p, q)
+
+
+def _integer(value: Any) -> int:
+    number = _number(value)
+    if number.denominator != 1 or not 1 <= number <= MAX_INTEGER:
+        raise Malformed(f"an integer from 1 to {MAX_INTEGER} is needed")
+    return int(number)
+
+
+def _row(value: Any) -> Row:
+    return tuple(map(_number, _list(value)))
+
+
+def _matrix(value: Any) -> Matrix:
+    rows = list(map(_row, _list(value)))
+    if any(len(row) != len(rows[0]) for row in rows):
+        raise Malformed("the rows of a matrix differ in length")
+    return rows
 
 
 def _canonical(value: Any) -> str:
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def _no_number(text: str) -> NoReturn:
     raise Malformed("a number is a string")
 
 
-def _keys(value: Any, keys: str) -> dict[str, Any]:
-    if not isinstance(value, dict) or sorted(value) != sorted(keys.split()):
-        raise Malformed(f"a table with exactly the keys {keys} is needed")
-    return value
-
-
-def _list(value: Any) -> list[Any]:
-    if not isinstance(value, list) or len(value) > MAX_SIZE:
-        raise Malformed(f"a list of at most {MAX_SIZE} entries is needed")
-    return value
-
-
-def _text(value: Any, length: int) -> str:
-    if not isinstance(value, str) or len(value) > length:
-        raise Malformed(f"a string of at most {length} characters is needed")
-    return value
-
-
-def _number(value: Any) -> Fraction:
-    match = _NUMBER.fullmatch(_text(value, 2 * MAX_DIGITS))
-    if match is None or max(len(match[1]), len(match[2] or "")) > MAX_DIGITS:
-        raise Malformed("a number is written p or p/q")
-    p, q = int(match[1]), int(match[2] or 1)
-    if gcd(p, q) != 1 or (match[2] and q == 1):
-        raise Malformed("a number is not in lowest terms")
-    return Fraction(p, q)
-
-
-def _integer(value: Any, most: int) -> int:
-    number = _number(value)
-    if number.denominator != 1 or not 1 <= number <= most:
-        raise Malformed(f"an integer from 1 to {most} is needed")
-    return int(number)
-
-
-def _row(value: Any) -> Row:
-    return tuple(_number(entry) for entry in _list(value))
-
-
-def _matrix(value: Any) -> Matrix:
-    rows = [_row(entry) for entry in _list(value)]
-    if any(len(row) != len(rows[0]) for row in rows):
-        raise Malformed("the rows of a matrix differ in length")
-    return rows
+_READERS: dict[str, Callable[[Any], Any]] = {
+    "int": _integer,
+    "str": _text,
+    "Fraction": _number,
+    "Fraction | None": lambda value: None if value is None else _number(value),
+    "Row": _row,
+    "Texts": lambda value: tuple(map(_text, _list(value))),
+    "Matrix": _matrix,
+    "Exosystem | None": lambda value: None if value is None else _table(Exosystem, value),
+    "CoordinatorWitness": lambda value: _table(CoordinatorWitness, value),
+    "tuple[AgentClaim, ...]": lambda value: tuple(_table(AgentClaim, entry) for entry in _list(value)),
+    "tuple[AgentWitness, ...]": lambda value: tuple(_table(AgentWitness, entry) for entry in _list(value)),
+}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from certify.checker.certificate import AgentClaim, Certificate, read_certificate
+from certify.checker.certificate import AgentClaim, Certificate, Claim, Witness, read_certificate
 from certify.checker.plant import Agent, Plant, read_plant
 from certify.checker.rules import agent_recipe, assumptions, coordinator
 from certify.checker.verdict import STEPS, Malformed, Rejected, Undecided, Verdict, require, start_meter
@@ -30,26 +30,27 @@ def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
 
 
 def _prove(plant: Plant, certificate: Certificate) -> None:
-    _bind(plant, certificate)
+    _bind(plant, certificate.claim, certificate.witness)
+    designs = list(zip(plant.agents, certificate.claim.agents, certificate.witness.agents, strict=True))
+    for design in designs:
+        agent_recipe.prove_design(*design)
     facts = assumptions.prove(plant, certificate)
     envelopes = coordinator.prove(plant, certificate, facts)
-    for agent, claim, witness, known, envelope in zip(
-            plant.agents, certificate.claims, certificate.witnesses, facts.agents, envelopes, strict=True):
-        agent_recipe.prove(agent, claim, witness, known, envelope, facts.optimum, facts.v)
+    for design, known, envelope in zip(designs, facts.agents, envelopes, strict=True):
+        agent_recipe.prove_levels(*design, known, envelope, facts.optimum, facts.v)
 
 
-def _bind(plant: Plant, certificate: Certificate) -> None:
+def _bind(plant: Plant, claim: Claim, witness: Witness) -> None:
     """The claim is about this plant file, about all its agents in their order, and keeps what the file fixes."""
-    require(certificate.plant_sha256 == plant.sha256, "plant_sha256: the certificate is for another plant file")
+    require(claim.plant_sha256 == plant.sha256, "plant_sha256: the certificate is for another plant file")
     ids = [agent.id for agent in plant.agents]
-    if not ids == [claim.id for claim in certificate.claims] == [witness.id for witness in certificate.witnesses]:
+    if not ids == [agent.id for agent in claim.agents] == [agent.id for agent in witness.agents]:
         raise Malformed("the claim and the witness list the agents 1, 2, … of the plant file in this order")
-    claimed = {"alpha1": certificate.alpha1, "alpha2": certificate.alpha2}
-    for agent, claim in zip(plant.agents, certificate.claims, strict=True):
-        gains = {"g": claim.g, "K": claim.K, "delta": claim.delta, "h": claim.h} | claimed
+    for agent, mine in zip(plant.agents, claim.agents, strict=True):
         for key, value in plant.fixed.items():
-            require(gains[key] in (value, None), f"agent {agent.id}: {key} is fixed by the plant file", fixed=value)
-        _bind_design(agent, claim)
+            claimed = getattr(claim if key in ("alpha1", "alpha2") else mine, key)
+            require(claimed in (value, None), f"agent {agent.id}: {key} is fixed by the plant file", fixed=value)
+        _bind_design(agent, mine)
 
 
 def _bind_design(agent: Agent, claim: AgentClaim) -> None:

@@ -179,6 +179,7 @@ class _Parser:
         if match is None:
             raise Malformed(f"column {self.position + 1}: unexpected character in an expression")
         self.count(1)
+        spend(50)
         self.kind, self.token, self.position = str(match.lastgroup), match[str(match.lastgroup)], match.end()
         return before
 

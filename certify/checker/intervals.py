@@ -170,9 +170,8 @@ def symmetric(radius: Number) -> Interval:
 
 def hull(*parts: Interval) -> Interval:
     """The least interval around the parts (after rounding)."""
-    e = min(part.e for part in parts if not part.is_zero) if any(not part.is_zero for part in parts) else 0
-    top = max(part.e + max(part.a.bit_length(), part.b.bit_length()) for part in parts)
-    e = max(e, top - _GUARD)
+    sizes = [part.e + max(part.a.bit_length(), part.b.bit_length()) for part in parts if not part.is_zero]
+    e = max(min(part.e for part in parts if not part.is_zero), max(sizes) - _GUARD) if sizes else 0
     return Interval(min(_at(part.a, part.e - e) for part in parts), max(-_at(-part.b, part.e - e) for part in parts), e)
 
 

@@ -190,6 +190,19 @@ class Algebra:
         inner = [self.leaves(self.atoms[name][1]) for name in names & self.atoms.keys()]
         return (names - self.atoms.keys()).union(*inner)
 
+    def vanishes(self, value: Rational) -> bool:
+        """Whether the value is identically zero, by the laws of a field and ``√u·√u = u``."""
+        for atom in sorted(value.names() & self.atoms.keys()):
+            function, argument = self.atoms[atom]
+            if function == "sqrt" and any(dict(monomial).get(atom, 0) > 1 for monomial in value.top.terms):
+                result, root = ZERO, variable(atom)
+                for monomial, c in value.top.terms.items():
+                    power = dict(monomial).get(atom, 0)
+                    rest = Rational(Polynomial({tuple(pair for pair in monomial if pair[0] != atom): c}), {})
+                    result = result + rest * root ** (power % 2) * argument ** (power // 2)
+                return self.vanishes(result)
+        return not value.top.terms
+
     def derivative(self, value: Rational, name: str) -> Rational:
         result = value.partial(name)
         for atom in sorted(value.names() & self.atoms.keys()):

@@ -5,37 +5,62 @@ Every number is an interval; upper bounds are points above what they bound. Name
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from itertools import product
 
 from certify.checker import linear
 from certify.checker.certificate import AgentClaim, AgentWitness
 from certify.checker.derivatives import gradient
+from certify.checker.expressions import Node, names_in
 from certify.checker.intervals import Interval, between, enclose, norm, quadratic_bound, symmetric, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Agent
 from certify.checker.rules.assumptions import AgentFacts
 from certify.checker.rules.coordinator import AgentEnvelope
-from certify.checker.verdict import Malformed, obligation, require
+from certify.checker.subdivision import CUTS, supremum
+from certify.checker.verdict import Malformed, Rejected, Undecided, obligation, require, show
 
 ZERO = Interval(0, 0)
 MAX_FREE_ENTRIES = 12
 
 
-def prove(agent: Agent, claim: AgentClaim, witness: AgentWitness, facts: AgentFacts, envelope: AgentEnvelope,
-          optimum: Interval, v: Mapping[str, Interval]) -> None:
-    """All obligations of one agent. Raises ``Rejected``."""
+def prove_design(agent: Agent, claim: AgentClaim, witness: AgentWitness) -> None:
+    """What can be decided from the design alone: sizes, signs and the Lyapunov inequalities of the linear blocks."""
+    name, n, s = f"agent {agent.id}", agent.order, len(witness.ell)
+    shapes = {"V0": len(agent.zero_states), "P1": n - 1, "P2": s, "P3": n if n > 1 else 0}
+    lengths = (len(claim.gamma), len(claim.observer), claim.h is None)
+    if any(len(getattr(witness, P)) != size for P, size in shapes.items()) or lengths != (n - 1, shapes["P3"], n == 1):
+        raise Malformed(f"{name}: a matrix or a list has the wrong size")
+    for P in shapes:
+        require(linear.is_positive_definite(getattr(witness, P)), f"{name}: {P} ≻ 0")
+    for key in ("a0", "level", "slack", "weight_eta", "weight_theta"):
+        require(getattr(witness, key) > 0, f"{name}: {key} > 0", value=getattr(witness, key))
+    require(claim.g >= 1 and claim.K > 0 and claim.delta > 0, f"{name}: g ≥ 1, K > 0, δ > 0", g=claim.g, K=claim.K)
+    require(claim.h is None or claim.h >= claim.g, f"{name}: h ≥ g", h=claim.h, g=claim.g)
+    _lyapunov(f"{name}: MᵀP2 + P2 M ⪯ −I", claim.M, witness.P2)
+    if n > 1:
+        shift = linear.identity(n)[1:]
+        _lyapunov(f"{name}: A_cᵀP1 + P1 A_c ⪯ −I", [*linear.identity(n - 1)[1:], [-c for c in claim.gamma]], witness.P1)
+        E3 = [[-c, *row[1:]] for c, row in zip(reversed(claim.observer), [*shift, [Fraction(0)] * n], strict=True)]
+        _lyapunov(f"{name}: E3ᵀP3 + P3 E3 ⪯ −I", E3, witness.P3)
+
+
+def _lyapunov(name: str, A: Matrix, P: Matrix) -> None:
+    PA = linear.product(P, A)
+    left = linear.combine(-1, linear.combine(1, PA, 1, linear.transpose(PA)), -1, linear.identity(len(A)))
+    require(linear.is_nonnegative(left), name, P=P)
+
+
+def prove_levels(agent: Agent, claim: AgentClaim, witness: AgentWitness, facts: AgentFacts, envelope: AgentEnvelope,
+                 optimum: Interval, v: Mapping[str, Interval]) -> None:
+    """All that depends on the level, at first with the enclosures that cost least. Raises ``Rejected``."""
     with obligation(f"agent {agent.id}"):
         rule = _Recipe(agent, claim, witness, facts, envelope, optimum, v)
-        rule.gains()
-        rule.lyapunov_inequalities()
-        rule.zero_dynamics()
-        rule.state_feedback()
-        if agent.order == 1:
-            require(claim.delta >= rule.claim.K * rule.theta_max, f"{rule.name}: δ ≥ K ϑ_max", theta_max=rule.theta_max)
-        else:
-            rule.output_feedback()
+        try:
+            rule.levels(cuts=0)
+        except Rejected:
+            rule.levels(cuts=CUTS)
 
 
 class _Recipe:
@@ -45,18 +70,8 @@ class _Recipe:
                  envelope: AgentEnvelope, optimum: Interval, v: Mapping[str, Interval]) -> None:
         self.agent, self.claim, self.witness, self.facts, self.envelope = agent, claim, witness, facts, envelope
         self.name, self.n, self.g = f"agent {agent.id}", agent.order, claim.g
-        self.optimum, self.v = optimum, v
         self.nz, self.s = len(agent.zero_states), len(witness.ell)
-        shapes = [(witness.V0, self.nz), (witness.P1, self.n - 1), (witness.P2, self.s),
-                  (witness.P3, self.n if self.n > 1 else 0)]
-        observer = self.n if self.n > 1 else 0
-        lengths = (len(claim.gamma), len(claim.observer), claim.h is None)
-        if any(len(P) != size for P, size in shapes) or lengths != (self.n - 1, observer, self.n == 1):
-            raise Malformed(f"{self.name}: a matrix or a list has the wrong size")
-        for P, matrix in zip(("V0", "P1", "P2", "P3"), (P for P, _ in shapes), strict=True):
-            require(linear.is_positive_definite(matrix), f"{self.name}: {P} ≻ 0")
-        for name in ("a0", "level", "slack", "weight_eta", "weight_theta"):
-            require(getattr(witness, name) > 0, f"{self.name}: {name} > 0", value=getattr(witness, name))
+        self.optimum, self.v = optimum, v
         self.boxes()
 
     def boxes(self) -> None:
@@ -84,33 +99,31 @@ class _Recipe:
     def require(self, holds: bool, name: str, **numbers: object) -> None:
         require(holds, f"{self.name}: {name}", **numbers)
 
-    def gains(self) -> None:
-        claim, h = self.claim, self.claim.h
-        self.require(claim.g >= 1 and claim.K > 0 and claim.delta > 0, "g ≥ 1, K > 0, δ > 0", g=claim.g, K=claim.K)
-        self.require(h is None or h >= claim.g, "h ≥ g", h=h or 0, g=claim.g)
-
-    def lyapunov_inequalities(self) -> None:
-        """``AᵀP + PA ⪯ −I`` for the companion matrix of ``γ``, for ``M``, and for the observer's ``E3``."""
-        n, claim, w = self.n, self.claim, self.witness
-        blocks: list[tuple[str, Matrix, Matrix]] = [("MᵀP2 + P2 M ⪯ −I", claim.M, w.P2)]
-        if n > 1:
-            companion = [*linear.identity(n - 1)[1:], [-c for c in claim.gamma]]
-            E3 = [[-c, *row[1:]] for c, row in zip(reversed(claim.observer), _shift(n), strict=True)]
-            blocks += [("A_cᵀP1 + P1 A_c ⪯ −I", companion, w.P1), ("E3ᵀP3 + P3 E3 ⪯ −I", E3, w.P3)]
-        for name, A, P in blocks:
-            PA = linear.product(P, A)
-            left = linear.combine(-1, linear.combine(1, PA, 1, linear.transpose(PA)), -1, linear.identity(len(A)))
-            self.require(linear.is_nonnegative(left), name)
+    def levels(self, cuts: int) -> None:
+        """What depends on bounds over the boxes, which are cut at most ``cuts`` times for each bound."""
+        self.cuts = cuts
+        self.zero_dynamics()
+        self.state_feedback()
+        if self.n > 1:
+            self.output_feedback()
+        else:
+            needed = self.claim.K * self.theta_max
+            self.require(needed <= self.claim.delta, "δ ≥ K ϑ_max", needed=needed, delta=self.claim.delta)
 
     def zero_dynamics(self) -> None:
         """``V0 J + JᵀV0 ⪯ −a0 I`` for every ``J`` in the enclosure of ``∂f0/∂z`` at ``x1 = y``: at its vertices."""
         if not self.nz:
             return
-        box = {**self.full, "x1": self.y}
-        rows = [[partials[name] for name in self.agent.zero_states] for partials in (
-            gradient(f0, box, self.agent.zero_states) for f0 in self.agent.zero_dynamics)]
+        names = set().union(*map(names_in, self.agent.zero_dynamics))
+        with obligation(f"{self.name}: A6: V0 J + JᵀV0 ⪯ −a0 I"):
+            supremum(self.decay, {**self.full, "x1": self.y}, names, self.cuts)
+
+    def decay(self, box: Mapping[str, Interval]) -> Interval:
+        """Nothing, if the inequality holds at all vertices of the enclosure of ``J`` on the box."""
+        rows = [list(gradient(f0, box, self.agent.zero_states).values()) for f0 in self.agent.zero_dynamics]
         free = [(i, j) for i, row in enumerate(rows) for j, entry in enumerate(row) if entry.a < entry.b]
-        self.require(len(free) <= MAX_FREE_ENTRIES, "A6: few uncertain entries of ∂f0/∂z", entries=len(free))
+        if len(free) > MAX_FREE_ENTRIES:
+            raise Undecided("too many uncertain entries of ∂f0/∂z")
         for ends in product((False, True), repeat=len(free)):
             J = [[entry.lo for entry in row] for row in rows]
             for (i, j), high in zip(free, ends, strict=True):
@@ -118,21 +131,29 @@ class _Recipe:
             VJ = linear.product(self.witness.V0, J)
             left = linear.combine(-1, linear.combine(1, VJ, 1, linear.transpose(VJ)),
                                   -self.witness.a0, linear.identity(self.nz))
-            self.require(linear.is_nonnegative(left), "A6: V0 J + JᵀV0 ⪯ −a0 I", J=J, a0=self.witness.a0)
+            if not linear.is_nonnegative(left):
+                raise Undecided(f"J = {show(J)}, a0 = {show(self.witness.a0)}")
+        return ZERO
+
+    def supremum(self, nodes: Sequence[Node], box: Mapping[str, Interval], wanted: Sequence[str],
+                 combine: Callable[[Mapping[str, Interval]], list[Interval]]) -> Interval:
+        """The largest Euclidean norm on the box of what ``combine`` makes of the gradients in the wanted names."""
+        def size(piece: Mapping[str, Interval]) -> Interval:
+            return norm(entry for node in nodes for entry in combine(gradient(node, piece, wanted)))
+
+        return enclose(supremum(size, box, set().union(*map(names_in, nodes)), self.cuts)).upper
 
     def state_feedback(self) -> None:
         """The bounds ``ς``, the coefficients ``a_•`` and the level."""
         n, g, K, w, claim = self.n, self.g, self.claim.K, self.witness, self.claim
         b_min, b_max = self.facts.b.lower, self.facts.b.upper
-        at_slice, at_full, at_reference = (gradient(self.agent.f, box, [*self.agent.zero_states, *self.agent.chain])
-                                           for box in (self.slice, self.full, self.reference))
-        f0_full, f0_reference = (norm(gradient(f0, box, ["x1"])["x1"] for f0 in self.agent.zero_dynamics)
-                                 for box in (self.full, self.reference))
+        f0_full = self.slope(self.agent.zero_dynamics, self.full, ["x1"])
+        f0_reference = self.slope(self.agent.zero_dynamics, self.reference, ["x1"])
         couple = 4 * enclose(linear.row_sum_bound(w.V0)) ** 2 / w.a0  # ς1²/a0
-        F_z = norm(at_slice[name] for name in self.agent.zero_states)
-        F_x = norm(self.chain_gradient(at_slice, inner=True))
-        F_theta = at_full[f"x{n}"].magnitude + (g * abs(claim.gamma[-1]) if n > 1 else 0)
-        f_y = self.f_y = at_reference["x1"].magnitude
+        F_z = self.slope([self.agent.f], self.slice, self.agent.zero_states)
+        F_x = self.chain_slope(self.slice, inner=True)
+        F_theta = self.slope([self.agent.f], self.full, [f"x{n}"]) + (g * abs(claim.gamma[-1]) if n > 1 else 0)
+        f_y = self.f_y = self.slope([self.agent.f], self.reference, ["x1"])
         P2N = norm(map(enclose, linear.apply(w.P2, claim.N)))
         P2MN = norm(map(enclose, linear.apply(w.P2, linear.apply(claim.M, claim.N))))
         psi_N = self.psi_N = abs(linear.dot(claim.psi, claim.N))
@@ -165,16 +186,21 @@ class _Recipe:
         present = {"a_z": self.nz, "a_x": self.n > 1, "a_eta": self.s, "a_theta": True}
         return [name for name, there in present.items() if there]
 
-    def chain_gradient(self, partials: Mapping[str, Interval], inner: bool) -> list[Interval]:
-        """``g^(k−1) ∂_k f1 − g^(n−1) γ_k ∂_n f1``, ``k < n``; ``inner`` adds the share of ``Σ g^(n−k) γ_k x̄_(k+1)``."""
+    def slope(self, nodes: Sequence[Node], box: Mapping[str, Interval], wanted: Sequence[str]) -> Interval:
+        """``⌈‖∂nodes/∂wanted‖⌉`` on the box."""
+        return self.supremum(nodes, box, wanted, lambda partials: list(partials.values()))
+
+    def chain_slope(self, box: Mapping[str, Interval], inner: bool) -> Interval:
+        """``⌈‖(g^(k−1) ∂_k f1 − g^(n−1) γ_k ∂_n f1)_(k<n)‖⌉``; ``inner`` adds that of ``Σ g^(n−k) γ_k x̄_(k+1)``."""
         n, g, gamma = self.n, self.g, self.claim.gamma
-        result = []
-        for k in range(1, n):
-            entry = g ** (k - 1) * partials[f"x{k}"] - g ** (n - 1) * gamma[k - 1] * partials[f"x{n}"]
-            if inner:
-                entry = entry + (g**n * gamma[k - 2] if k > 1 else 0) - g**n * gamma[n - 2] * gamma[k - 1]
-            result.append(entry)
-        return result
+        share = [(g**n * gamma[k - 1] if k else 0) - g**n * gamma[-1] * gamma[k] if inner else Fraction(0)
+                 for k in range(n - 1)]
+
+        def entries(partials: Mapping[str, Interval]) -> list[Interval]:
+            return [g**k * partials[f"x{k + 1}"] - g ** (n - 1) * gamma[k] * partials[f"x{n}"] + share[k]
+                    for k in range(n - 1)]
+
+        return self.supremum([self.agent.f], box, self.agent.chain, entries)
 
     def start(self) -> Interval:
         """``w0``: a bound of ``V0 + V1 + V2/ω_η + ϑ²/(2ω_ϑ)`` on the initial set."""
@@ -200,10 +226,9 @@ class _Recipe:
         self.require(K * (self.theta_max + reach) <= delta, "δ ≥ K (ϑ_max + √(½ ϵ E2 P3⁻¹ E2ᵀ))",
                      theta_max=self.theta_max, reach=reach, delta=delta)
 
-        partials = gradient(self.agent.f, self.full, [*self.agent.zero_states, *self.agent.chain])
-        F_z = norm(partials[name] for name in self.agent.zero_states)
-        F_x = norm(self.chain_gradient(partials, inner=False))
-        F_n = partials[f"x{n}"].magnitude
+        F_z = self.slope([self.agent.f], self.full, self.agent.zero_states)
+        F_x = self.chain_slope(self.full, inner=False)
+        F_n = self.slope([self.agent.f], self.full, [f"x{n}"])
         p3 = norm(enclose(row[-1]) for row in w.P3)
         lambda_M = linear.row_sum_bound(w.P3)
         X2 = (F_z * norm(self.z_bar) + F_x * norm(self.x_hat) + F_n * self.theta_max + self.f_y * self.envelope.peak
@@ -241,9 +266,3 @@ class _Recipe:
 def _block(P: Matrix, level: Fraction) -> list[Interval]:
     """``|x_k| ≤ √(level (P⁻¹)_kk)`` on ``{xᵀPx ≤ level}``."""
     return [symmetric(enclose(level * row[k]).sqrt()) for k, row in enumerate(linear.inverse(P))]
-
-
-def _shift(n: int) -> Matrix:
-    return [[Fraction(int(j == i + 1)) for j in range(n)] for i in range(n)]
-
-

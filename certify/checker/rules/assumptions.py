@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
-from itertools import product
 
 from certify.checker import functions, linear
 from certify.checker.certificate import AgentClaim, AgentWitness, Certificate
 from certify.checker.expressions import Name, Node, evaluate, names_in, parse
-from certify.checker.intervals import Interval, between, enclose, hull, quadratic_bound, symmetric
+from certify.checker.intervals import Interval, between, enclose, quadratic_bound, symmetric
 from certify.checker.linear import Matrix
 from certify.checker.plant import Agent, Plant
 from certify.checker.polynomials import ZERO, Algebra, Rational, constant, variable
 from certify.checker.rules.costs import Cost, prove_cost, prove_optimum
+from certify.checker.subdivision import value_range
 from certify.checker.verdict import Malformed, obligation, require
-
-MAX_PIECES = 64
 
 
 @dataclass(frozen=True)
@@ -49,12 +47,15 @@ def prove(plant: Plant, certificate: Certificate) -> Facts:
     """A0 to A5. Raises ``Rejected``."""
     r = _network(plant)
     costs = tuple(prove_cost(agent) for agent in plant.agents)
-    lo, hi = certificate.optimum
+    if len(certificate.witness.optimum) != 2:
+        raise Malformed("the optimum is an interval")
+    lo, hi = certificate.witness.optimum
     slopes = prove_optimum(costs, lo, hi)
     v = _exosystem(plant, certificate)
     agents = tuple(
         _AgentProof(plant, agent, claim, witness, (lo, hi), v).prove()
-        for agent, claim, witness in zip(plant.agents, certificate.claims, certificate.witnesses, strict=True))
+        for agent, claim, witness in zip(
+            plant.agents, certificate.claim.agents, certificate.witness.agents, strict=True))
     return Facts(r, costs, between(lo, hi), slopes, v, agents)
 
 
@@ -81,7 +82,8 @@ def _all_reached(L: Matrix) -> bool:
 
 def _exosystem(plant: Plant, certificate: Certificate) -> dict[str, Interval]:
     """A4: ``Q ≻ 0`` with ``SᵀQ + QS = 0``. Returns ``|v_k(t)| ≤ √((Q⁻¹)_kk max vᵀQv)``."""
-    names, Q = list(plant.exosystem), certificate.Q
+    names, given = list(plant.exosystem), certificate.witness.exosystem
+    Q = given.Q if given else None
     if not names:
         if Q is not None:
             raise Malformed("exosystem: there is none")
@@ -96,18 +98,6 @@ def _exosystem(plant: Plant, certificate: Certificate) -> dict[str, Interval]:
     energy = quadratic_bound(Q, [between(*box) for box in plant.exosystem.values()])
     inverse = linear.inverse(Q)
     return {name: symmetric((energy * inverse[k][k]).sqrt()) for k, name in enumerate(names)}
-
-
-def sharpened(enclosure: Callable[[Mapping[str, Interval]], Interval], box: Mapping[str, Interval], names: set[str]
-              ) -> Interval:
-    """The hull of the enclosures over pieces of the box, cut evenly along the named directions in which it is wide."""
-    wide = [name for name in sorted(names & box.keys()) if box[name].a < box[name].b]
-    parts = max(k for k in range(1, MAX_PIECES + 1) if k == 1 or k ** len(wide) <= MAX_PIECES) if wide else 1
-    cuts = {}
-    for name in wide:
-        lo, width = box[name].lo, box[name].hi - box[name].lo
-        cuts[name] = [between(lo + width * k / parts, lo + width * (k + 1) / parts) for k in range(parts)]
-    return hull(*(enclosure({**box, **dict(zip(wide, piece, strict=True))}) for piece in product(*cuts.values())))
 
 
 class _AgentProof:
@@ -143,11 +133,11 @@ class _AgentProof:
             return AgentFacts(self.w, b, z, z_at_start, self.transformation(), tau)
 
     def identity(self, value: Rational, name: str) -> None:
-        require(value.is_zero, f"{self.name}: {name}", terms_left=len(value.top.terms))
+        require(self.algebra.vanishes(value), f"{self.name}: {name}", terms_left=len(value.top.terms))
 
     def range(self, node: Node, v: Mapping[str, Interval]) -> Interval:
         box = {"s": self.optimum, **v, **self.w}
-        return sharpened(lambda piece: evaluate(node, piece, enclose, functions.call), box, names_in(node))
+        return value_range(lambda piece: evaluate(node, piece, enclose, functions.call), box, names_in(node))
 
     def origin_and_input_gain(self) -> Interval:
         """A0: ``f0(0, 0, 0, w) = 0``, ``f1(0, 0, 0, w) = 0``, ``b > 0``. Returns ``[b]``."""
@@ -186,7 +176,7 @@ class _AgentProof:
             u = self.algebra.lie_derivative(u, self.exosystem)
         self.identity(residual + u, "A5: L_S^s u* = Σ ℓ_k L_S^(k−1) u*")
         box = {"s": self.optimum, **self.v0, **self.w}
-        return tuple(sharpened(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u)) for u in tau)
+        return tuple(value_range(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u)) for u in tau)
 
     def transformation(self) -> Matrix:
         """``T`` with ``TΦ − MT = NΓ`` and ``ΨT = Γ``: the inverse of the observability matrix of ``(Ψ, M + NΨ)``."""

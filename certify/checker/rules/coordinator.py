@@ -62,10 +62,9 @@ class _Sums:
 class _Coordinator:
     def __init__(self, plant: Plant, certificate: Certificate, facts: Facts) -> None:
         self.L, self.r, self.facts = plant.laplacian, facts.r, facts
-        self.a1, self.a2, self.step, self.steps = (
-            certificate.alpha1, certificate.alpha2, certificate.step, certificate.steps)
-        self.P, self.multiplier = certificate.P, certificate.multiplier
-        self.rate, self.mixing_rate = certificate.rate, certificate.mixing_rate
+        self.a1, self.a2, witness = certificate.claim.alpha1, certificate.claim.alpha2, certificate.witness.coordinator
+        self.P, self.multiplier, self.step, self.steps = witness.P, witness.multiplier, witness.step, witness.steps
+        self.rate, self.mixing_rate = witness.rate, witness.mixing_rate
         self.boxes = [agent.reference_box for agent in plant.agents]
         n = self.size = len(self.L)
         if len(self.P) != 2 * n - 1 or len(self.multiplier) != n:
@@ -85,7 +84,7 @@ class _Coordinator:
     def walk_mixing(self) -> None:
         """Lower bounds of every ``ξ_i^i`` on every step, its range over all time, and the box of ``D``."""
         n = self.size
-        spend(self.steps * n**2 * (10 * n + 200))
+        spend(self.steps * n**2 * (4 * n + 150))
         mixing = Mixing(self.L, self.step)
         ranges = []
         for _ in range(self.steps):
@@ -116,7 +115,8 @@ class _Coordinator:
         require(min(m) >= 0, "coordinator: multiplier ≥ 0", multiplier=m)
         PA = linear.product(self.P, self.system([(lo + hi) / 2 for lo, hi in self.damping]))
         PG = [[row[j] * (hi - lo) / 2 for j, (lo, hi) in enumerate(self.damping)] for row in self.P]
-        rows = [[-(PA[i][j] + PA[j][i] + 2 * self.rate * self.P[i][j]) - (m[i] if i == j < n else 0) for j in range(size)]
+        AP = linear.combine(1, PA, 1, linear.transpose(PA))
+        rows = [[-AP[i][j] - 2 * self.rate * self.P[i][j] - (m[i] if i == j < n else 0) for j in range(size)]
                 + [-entry for entry in PG[i]] for i in range(size)]
         rows += [[-row[j] for row in PG] + [m[j] * (i == j) for i in range(n)] for j in range(n)]
         require(linear.is_nonnegative(rows), "coordinator: Lyapunov inequality", damping=self.damping, rate=self.rate)

@@ -12,6 +12,7 @@ from certify.checker.expressions import Node, terms_of
 from certify.checker.intervals import Interval, between, enclose, hull, total
 from certify.checker.plant import Agent
 from certify.checker.polynomials import ZERO, Algebra, constant, variable
+from certify.checker.subdivision import Box, value_range
 from certify.checker.tails import Tail
 from certify.checker.verdict import Undecided, obligation, require
 
@@ -90,8 +91,9 @@ def prove_optimum(costs: Sequence[Cost], lo: Fraction, hi: Fraction) -> tuple[In
 def _range_on_line(derivatives: Derivatives) -> Interval:
     """An enclosure of ``c''`` on the whole line."""
 
-    def on_piece(s: Interval) -> Interval:
+    def on_piece(box: Box) -> Interval:
         """The narrower of the natural enclosure and the mean-value form."""
+        s = box["s"]
         middle = enclose((s.lo + s.hi) / 2)
         natural, mean = derivatives.at(2, s), derivatives.at(2, middle) + derivatives.at(3, s) * (s - middle)
         return between(max(natural.lo, mean.lo), min(natural.hi, mean.hi))
@@ -103,7 +105,7 @@ def _range_on_line(derivatives: Derivatives) -> Interval:
         except Undecided as reason:
             failure = reason
         else:
-            return hull(*ends, _sharp_range(on_piece, start))
+            return hull(*ends, value_range(on_piece, {"s": between(-start, start)}, ["s"], CUTS))
     raise failure
 
 
@@ -111,25 +113,3 @@ def _range_on_half_line(derivatives: Derivatives, start: int, sign: int) -> Inte
     s = Tail(start, Interval(sign, sign), (Fraction(0), Fraction(1)), (Fraction(sign), Fraction(0)))
     found: Tail = derivatives.at(2, s, s.scalar, tails.call)
     return found.range()
-
-
-def _sharp_range(function: Callable[[Interval], Interval], radius: int) -> Interval:
-    """The range on ``[−radius, radius]``: the piece that spoils an end most is halved until both are within 0.1 %."""
-    pieces = [(Fraction(k), Fraction(k + 1)) for k in range(-radius, radius)]
-    values = [function(between(*piece)) for piece in pieces]
-    lows, highs = [value.lo for value in values], [value.hi for value in values]
-    points = [function(enclose(k)) for k in range(-radius, radius + 1)]
-    inner_lo, inner_hi = min(point.hi for point in points), max(point.lo for point in points)
-    for _ in range(CUTS):
-        below, above = inner_lo - min(lows), max(highs) - inner_hi
-        if max(below, above) <= (inner_hi - inner_lo + abs(inner_lo)) / 1000:
-            break
-        worst = lows.index(min(lows)) if below > above else highs.index(max(highs))
-        lo, hi = pieces[worst]
-        middle = (lo + hi) / 2
-        point, halves = function(enclose(middle)), [(lo, middle), (middle, hi)]
-        inner_lo, inner_hi = min(inner_lo, point.hi), max(inner_hi, point.lo)
-        values = [function(between(*half)) for half in halves]
-        pieces[worst : worst + 1] = halves
-        lows[worst : worst + 1], highs[worst : worst + 1] = [v.lo for v in values], [v.hi for v in values]
-    return between(min(lows), max(highs))

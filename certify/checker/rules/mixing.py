@@ -1,4 +1,4 @@
-"""The graph-balancing layer ``X(t) = e^(−Lt)`` on a time grid, in fixed-point integers: ``n`` stands for ``n/2^192``."""
+"""The graph-balancing layer ``X(t) = e^(−Lt)`` on a grid, in fixed-point integers: ``n`` stands for ``n/2^192``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A nominal coordinator trajectory, step by step, with proved bounds of its defect (docs/certificate.md section 2).
 
-Polynomials in ``σ = τ/Δ ∈ [0, 1]`` have fixed-point coefficients, and the trajectory is exactly what they say: only ``ξ`` and
-``c'`` carry errors. ``q`` clears the denominators of ``α1ΔL``, ``α2ΔB`` and ``Δ``, so that everything else is exact.
+Polynomials in ``σ = τ/Δ ∈ [0, 1]`` have fixed-point coefficients, and the trajectory is exactly what they say: only
+``ξ`` and ``c'`` carry errors. ``q`` clears the denominators of ``α1ΔL``, ``α2ΔB`` and ``Δ``: all else is exact.
 """
 
 from __future__ import annotations

@@ -1,0 +1,79 @@
+"""Sharper bounds over boxes: the piece with the worst bound is halved, in the direction where that helps most."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from fractions import Fraction
+
+from certify.checker.intervals import Interval, between
+from certify.checker.verdict import Undecided
+
+Box = Mapping[str, Interval]
+
+CUTS = 100
+PATIENCE = 6  # halvings in a row that need not help
+USEFUL = Fraction(999, 1000)
+
+
+def supremum(function: Callable[[Box], Interval], box: Box, names: Collection[str], cuts: int = CUTS) -> Fraction:
+    """A number that ``function`` does not exceed on the box, where it depends on the named variables.
+
+    ``function`` encloses its values on any box, or raises ``Undecided``, which counts as no bound.
+    """
+    pieces = [_Piece(function, box, PATIENCE)]
+    for _ in range(cuts):
+        worst = max(pieces, key=_Piece.order)
+        halves = worst.best_halves(names) if worst.patience else []
+        if not halves:
+            break
+        pieces.remove(worst)
+        pieces += halves
+    worst = max(pieces, key=_Piece.order)
+    if worst.bound is None:
+        raise Undecided(worst.reason)
+    return worst.bound
+
+
+def value_range(function: Callable[[Box], Interval], box: Box, names: Collection[str], cuts: int = CUTS) -> Interval:
+    """An enclosure of the function's values on the box."""
+    return between(-supremum(lambda piece: -function(piece), box, names, cuts), supremum(function, box, names, cuts))
+
+
+def halves(box: Box, name: str) -> list[Box]:
+    lo, hi = box[name].lo, box[name].hi
+    return [{**box, name: part} for part in (between(lo, (lo + hi) / 2), between((lo + hi) / 2, hi))]
+
+
+class _Piece:
+    """A part of the box and its bound; ``patience`` is how many more halvings need not help."""
+
+    def __init__(self, function: Callable[[Box], Interval], box: Box, patience: int) -> None:
+        self.function, self.box, self.patience = function, box, patience
+        self.bound: Fraction | None = None
+        self.reason = ""
+        try:
+            self.bound = function(box).hi
+        except Undecided as reason:
+            self.reason = str(reason)
+
+    def order(self) -> tuple[bool, Fraction]:
+        return self.bound is None, self.bound or Fraction(0)
+
+    def best_halves(self, names: Collection[str]) -> list[_Piece]:
+        """The halves with the least bounds; if no direction helps, those of the widest, with less patience."""
+        wide = sorted(name for name in names if name in self.box and self.box[name].a < self.box[name].b)
+        if not wide:
+            return []
+        choices = {name: [_Piece(self.function, half, PATIENCE) for half in halves(self.box, name)] for name in wide}
+        best = min(wide, key=lambda name: max(piece.order() for piece in choices[name]))
+        if max(piece.order() for piece in choices[best]) < self._useful():
+            return choices[best]
+        widest = max(wide, key=lambda name: self.box[name].hi - self.box[name].lo)
+        for piece in choices[widest]:
+            piece.patience = self.patience - 1
+        return choices[widest]
+
+    def _useful(self) -> tuple[bool, Fraction]:
+        if self.bound is None:
+            return True, Fraction(0)
+        return False, self.bound - abs(self.bound) * (1 - USEFUL)
