@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -48,15 +51,14 @@ class Answer:
 class Certify:
     """Runs the command line in this process."""
 
-    def __init__(self, capsys: pytest.CaptureFixture[str], folder: Path) -> None:
-        self.capsys = capsys
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def __call__(self, *arguments: str | Path) -> Answer:
-        self.capsys.readouterr()
-        code = main([str(argument) for argument in arguments])
-        said = self.capsys.readouterr()
-        return Answer(code, said.out, said.err)
+        out, err = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            code = main([str(argument) for argument in arguments])
+        return Answer(code, out.getvalue(), err.getvalue())
 
     def plant(self, changes: Mapping[str, str] | None = None) -> Path:
         """Two agents of order 1, with parts of the file replaced."""
@@ -70,8 +72,28 @@ class Certify:
 
 
 @pytest.fixture
-def certify(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Certify:
-    return Certify(capsys, tmp_path)
+def certify(tmp_path: Path) -> Certify:
+    return Certify(tmp_path)
+
+
+@dataclass(frozen=True)
+class Certified:
+    """A plant, what ``certify run --json`` said about it, and the folder it wrote."""
+
+    plant: Path
+    answer: Answer
+    folder: Path
+
+    @property
+    def certificate(self) -> Path:
+        return self.folder / "certificate.json"
+
+
+@pytest.fixture(scope="module")
+def certified(tmp_path_factory: pytest.TempPathFactory) -> Certified:
+    certify = Certify(tmp_path_factory.mktemp("certified"))
+    plant = certify.plant()
+    return Certified(plant, certify("run", plant, "-o", certify.folder / "out", "--json"), certify.folder / "out")
 
 
 def assert_one_complaint(answer: Answer, *words: str) -> None:
@@ -234,7 +256,7 @@ def test_crash_is_not_mistaken_for_a_refutation(certify: Certify, monkeypatch: p
 
     monkeypatch.setattr("certify.assumptions.check.check_assumptions", crash)
     answer = certify("check", certify.plant(), "--json")
-    assert (answer.code, answer.out) == (3, "")
+    assert (answer.code, answer.json["status"]) == (3, "inconclusive")
     assert answer.err.splitlines()[-1] == "certify: internal error: ZeroDivisionError: a bug"
 
 
@@ -287,3 +309,129 @@ def test_what_does_not_compute_imports_nothing_heavy(tmp_path: Path, arguments: 
     script = SCRIPT.replace("sys.exit(main())", "main(); sys.exit(any(m in sys.modules for m in ('sympy', 'numpy')))")
     command = [sys.executable, "-c", script, *arguments]
     assert subprocess.run(command, cwd=EXAMPLE.parent.parent, capture_output=True, check=False).returncode == 0
+
+
+def test_run_writes_three_files_and_says_what_the_summary_says(certified: Certified) -> None:
+    assert certified.answer.code == 0, certified.answer.err
+    assert sorted(os.listdir(certified.folder)) == ["certificate.json", "report.pdf", "summary.json"]
+    summary = json.loads((certified.folder / "summary.json").read_text())
+    assert summary == certified.answer.json
+    assert {"status", "route", "gains", "claim"} <= set(summary)
+    assert (summary["status"], summary["route"], summary["verified"]) == ("certified", "recipe", True)
+    assert set(summary["gains"]) == {"alpha1", "alpha2", "agents"}
+    for agent in summary["gains"]["agents"]:
+        assert set(agent) == {"id", "g", "K", "delta", "h", "level", "rate"}
+        assert all(isinstance(agent[key], str) for key in ("g", "K", "delta", "level", "rate"))
+        assert agent["h"] is None
+    assert (certified.folder / "report.pdf").read_bytes().startswith(b"%PDF-")
+
+
+def test_run_names_its_steps_on_stderr(certified: Certified) -> None:
+    steps = [line.split()[0] for line in certified.answer.err.splitlines()]
+    assert steps == ["check", "derive", "gains", "verify", "simulate", "falsify", "report"]
+
+
+def test_gains_writes_the_certificate_that_run_wrote(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    answer = certify("gains", certified.plant, "-o", tmp_path / "c.json", "--json")
+    assert answer.code == 0
+    assert (tmp_path / "c.json").read_bytes() == certified.certificate.read_bytes()
+    assert {key: answer.json[key] for key in ("status", "route", "gains", "claim")} == {
+        key: certified.answer.json[key] for key in ("status", "route", "gains", "claim")
+    }
+
+
+def test_verify_prints_one_line_on_success(certify: Certify, certified: Certified) -> None:
+    answer = certify("verify", certified.plant, certified.certificate)
+    digest = certified.answer.json["claim"]["sha256"]
+    assert (answer.code, answer.out, answer.err) == (0, f"VERIFIED {digest}\n", "")
+    in_json = certify("verify", certified.plant, certified.certificate, "--json")
+    assert (in_json.code, in_json.json) == (0, {"status": "verified", "claim_sha256": digest, "reason": ""})
+
+
+def tampered(certified: Certified, folder: Path) -> Path:
+    """The certificate with a gain for the first agent that is too small to stabilise it."""
+    content = json.loads(certified.certificate.read_text())
+    content["claim"]["agents"][0]["K"] = "1/2"
+    path = folder / "tampered.json"
+    path.write_text(json.dumps(content, sort_keys=True, separators=(",", ":")) + "\n")
+    return path
+
+
+def test_verify_rejects_without_a_word_on_stdout(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    path = tampered(certified, tmp_path)
+    answer = certify("verify", certified.plant, path)
+    assert (answer.code, answer.out, answer.err.count("\n")) == (1, "", 1)
+    assert answer.err.startswith("certify: rejected: ")
+    in_json = certify("verify", certified.plant, path, "--json")
+    assert (in_json.code, in_json.json["status"], in_json.json["claim_sha256"]) == (1, "rejected", None)
+
+
+def test_verify_rejects_another_plant(certify: Certify, certified: Certified) -> None:
+    answer = certify("verify", certify.plant({"two-agents": "two others"}), certified.certificate)
+    assert (answer.code, answer.out) == (1, "")
+    assert "another plant file" in answer.err
+
+
+def test_falsify_says_that_it_is_not_there(certify: Certify, certified: Certified) -> None:
+    answer = certify("falsify", certified.plant, certified.certificate, "--json")
+    assert (answer.code, answer.json["status"]) == (3, "inconclusive")
+    assert "not part of this version" in answer.json["reason"]
+
+
+def test_simulate_runs_the_certified_gains(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    answer = certify("simulate", certified.plant, certified.certificate, "-o", tmp_path / "out", "--json")
+    assert (answer.code, answer.json["status"], answer.json["optimum"]) == (0, "holds", 1.5)
+    header, *rows = (tmp_path / "out" / "trajectory.csv").read_text().splitlines()
+    assert header == "t,y1,y2,yr1,yr2,u1,u2"
+    assert float(rows[-1].split(",")[1]) == pytest.approx(1.5, abs=1e-2)
+
+
+def test_simulate_refuses_the_certificate_of_another_plant(
+    certify: Certify, certified: Certified, tmp_path: Path
+) -> None:
+    plant = certify.plant({"two-agents": "two others"})
+    answer = certify("simulate", plant, certified.certificate, "-o", tmp_path / "out")
+    assert_one_complaint(answer, str(certified.certificate), "claim.plant_sha256")
+
+
+def test_report_on_a_certificate(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    answer = certify("report", certified.plant, certified.certificate, "-o", tmp_path / "r.pdf", "--json")
+    assert (answer.code, answer.json["status"], answer.json["verified"]) == (0, "certified", True)
+    assert (tmp_path / "r.pdf").read_bytes().startswith(b"%PDF-")
+
+
+def test_report_on_a_rejected_certificate_says_so(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    answer = certify("report", certified.plant, tampered(certified, tmp_path), "-o", tmp_path / "r.pdf", "--json")
+    assert (answer.code, answer.json["status"], answer.json["verified"]) == (1, "rejected", False)
+    assert (tmp_path / "r.pdf").exists()
+
+
+def test_run_that_refutes_reports_it_and_drops_the_old_certificate(
+    certify: Certify, certified: Certified, tmp_path: Path
+) -> None:
+    shutil.copytree(certified.folder, tmp_path / "out")
+    answer = certify("run", certify.plant({', "2 -> 1"': ""}), "-o", tmp_path / "out", "--json")
+    assert (answer.code, answer.json["status"]) == (1, "refuted")
+    assert answer.json["reason"].startswith("A2")
+    assert (answer.json["gains"], answer.json["claim"], answer.json["verified"]) == (None, None, False)
+    assert sorted(os.listdir(tmp_path / "out")) == ["report.pdf", "summary.json"]
+
+
+def test_run_that_cannot_decide_reports_it(certify: Certify, tmp_path: Path) -> None:
+    plant = certify.plant({"p*x1": "p*x1 + exp(p*x1^2) - 1"})
+    answer = certify("run", plant, "-o", tmp_path / "out", "--json")
+    assert (answer.code, answer.json["status"]) == (3, "inconclusive")
+    assert answer.json["reason"]
+    assert sorted(os.listdir(tmp_path / "out")) == ["report.pdf", "summary.json"]
+
+
+def test_gains_without_a_certificate_writes_nothing(certify: Certify, tmp_path: Path) -> None:
+    answer = certify("gains", certify.plant({', "2 -> 1"': ""}), "-o", tmp_path / "c.json", "--json")
+    assert (answer.code, answer.json["status"]) == (1, "refuted")
+    assert not (tmp_path / "c.json").exists()
+
+
+def test_simulate_without_strong_connection_says_why_and_stops(certify: Certify, tmp_path: Path) -> None:
+    answer = certify("simulate", certify.plant({', "2 -> 1"': ""}), "-o", tmp_path / "out", "--json")
+    assert (answer.code, answer.json["status"]) == (3, "inconclusive")
+    assert "A2 fails" in answer.json["reason"]

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from reports.command_line import check, derive, falsify, gains, report, run, simulate, verify
-from reports.command_line.outcome import BAD_INPUT, UNDECIDED
+from reports.command_line.outcome import BAD_INPUT, UNDECIDED, Outcome
 from symbolic.errors import InputError, one_line
 
 INTERRUPTED = 130
@@ -47,8 +47,9 @@ def certify(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code (spec.md, command line)."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        code = app(args=None if arguments is None else list(arguments), prog_name="certify", standalone_mode=False)
+        code = app(args=given, prog_name="certify", standalone_mode=False)
     except InputError as error:
         return _complain(str(error), BAD_INPUT)
     except typer.TyperException as error:
@@ -57,7 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain("interrupted", INTERRUPTED)
     except Exception as error:  # noqa: BLE001 - a crash would leave with 1, which means refuted
         traceback.print_exc()
-        return _complain(f"internal error: {type(error).__name__}: {error}", UNDECIDED)
+        reason = f"internal error: {type(error).__name__}: {error}"
+        if "--json" in given:
+            print(Outcome("inconclusive", {"reason": reason}, "").as_json())
+        return _complain(reason, UNDECIDED)
     return code if isinstance(code, int) else 0
 
 

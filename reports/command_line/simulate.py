@@ -18,10 +18,11 @@ from reports.command_line.steps import Steps
 
 if TYPE_CHECKING:
     from sims.closed_loop import Trajectory
+    from symbolic.derivation import Derivation
+    from symbolic.plant import Plant
 
 SETTLED = 1e-2
 HORIZON = 20.0
-NO_MODEL = "no steady state or internal model was found, so there is no controller to simulate (see certify derive)"
 
 
 def command(
@@ -47,8 +48,9 @@ def command(
     steps = Steps()
     if read is None:
         derivation = derived(loaded, plant, steps)
-        if derivation.verdict != "holds":
-            finish(Outcome("inconclusive", {"reason": NO_MODEL}, f"inconclusive: {NO_MODEL}"), as_json)
+        reason = obstacle(loaded, derivation)
+        if reason:
+            finish(Outcome("inconclusive", {"reason": reason}, f"inconclusive: {reason}"), as_json)
         controller = demonstration_controller(loaded, derivation)
     else:
         controller = certified_controller(read, loaded, str(certificate))
@@ -60,6 +62,22 @@ def command(
         for name, picture in plots(trajectory).items():
             write_atomically(output / name, picture)
     finish(outcome(trajectory), as_json)
+
+
+def obstacle(plant: Plant, derivation: Derivation) -> str:
+    """Why the closed loop cannot be simulated; empty if it can.
+
+    Without A2 some ``1/ξ_i^i`` grows for ever, and no integrator follows it; without A1 there may be no optimum.
+    """
+    from certify.assumptions.a1_costs import check_cost
+    from certify.assumptions.a2_network import check_network
+
+    for finding in (check_network(plant.digraph), *map(check_cost, plant.agents)):
+        if finding.verdict == "fails":
+            return f"not simulated, {finding.id} fails: {finding.reason}"
+    if derivation.verdict != "holds":
+        return "not simulated: no steady state or no internal model was found (see certify derive)"
+    return ""
 
 
 def outcome(trajectory: Trajectory) -> Outcome:

@@ -14,7 +14,7 @@ from certify.optimum import NoOptimumError, optimum
 from certify.pipeline import design_gains, tool_versions
 from reports.command_line.controllers import demonstration_controller
 from reports.command_line.derive import derived
-from reports.command_line.simulate import HORIZON, NO_MODEL, sentence
+from reports.command_line.simulate import HORIZON, obstacle, sentence
 from reports.command_line.steps import Steps
 from reports.command_line.verify import verified
 from reports.study import Study, source_date
@@ -65,8 +65,9 @@ def with_certificate(study: Study, certificate: Json, plant: Path, file: Path, s
 def with_simulation(study: Study, steps: Steps) -> Study:
     """A run from the centre of the boxes with moderate gains."""
     with steps.step("simulate") as report:
-        if study.derivation is None or study.derivation.verdict != "holds":
-            report(f"left out: {NO_MODEL}")
+        reason = "nothing was derived" if study.derivation is None else obstacle(study.plant, study.derivation)
+        if study.derivation is None or reason:
+            report(reason)
             return study
         controller = demonstration_controller(study.plant, study.derivation)
         trajectory = simulate(study.plant, controller, horizon=HORIZON)
