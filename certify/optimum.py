@@ -15,10 +15,11 @@ from symbolic.constants import as_fraction, as_rational
 from symbolic.plant import COST_VARIABLE, Interval, Plant
 
 WIDTH = Fraction(1, 10**12)
+_DOUBLINGS = 100
 
 
 class NoOptimumError(ValueError):
-    """A cost without the bounds of A1: existence and uniqueness of the optimum are not known."""
+    """A cost without the bounds of A1, or no signs within reach: nothing is known about the optimum."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ def optimum(plant: Plant) -> Optimum:
     """The minimiser of the sum of all costs, in an enclosure no wider than ``1e-12·max(1, |s*|)``.
 
     ``Σ c_i'`` increases without bound (A1), so two proved signs enclose its only zero.
-    Raises NoOptimumError when A1 is not proved for every agent.
+    Raises NoOptimumError when A1 is not proved for every agent, or the balls are too wide to show the signs.
     """
     for agent in plant.agents:
         curvature = cost_curvature(agent.cost)
@@ -85,12 +86,13 @@ def _enclosure(sign: Callable[[Fraction], int]) -> Interval:
 
 
 def _bracket(sign: Callable[[Fraction], int]) -> tuple[Fraction, Fraction]:
-    low, high = Fraction(-1), Fraction(1)
-    while sign(low) >= 0:
-        low *= 2
-    while sign(high) <= 0:
-        high *= 2
-    return low, high
+    bracket = []
+    for direction in (-1, 1):
+        end = next((s for k in range(_DOUBLINGS) if sign(s := Fraction(direction * 2**k)) == direction), None)
+        if end is None:
+            raise NoOptimumError(f"no sign of Σ c_i' was seen up to |s| = 2^{_DOUBLINGS}")
+        bracket.append(end)
+    return bracket[0], bracket[1]
 
 
 def _around(middle: Fraction, sign: Callable[[Fraction], int]) -> Interval:
@@ -99,4 +101,4 @@ def _around(middle: Fraction, sign: Callable[[Fraction], int]) -> Interval:
     low, high = middle - width, middle + width
     if sign(low) < 0 < sign(high):
         return Interval(low, high)
-    raise ArithmeticError("the balls are too wide to enclose the optimum to 1e-12")
+    raise NoOptimumError("the balls are too wide to enclose the optimum to 1e-12")

@@ -82,6 +82,13 @@ def test_a_domain_makes_the_difference() -> None:
     assert isinstance(prove_nonnegative(poly(Y**2 * (1 - X**2 - X)), [disc]), NoProof)
 
 
+def test_squares_that_vanish_with_the_polynomial() -> None:
+    p, disc = poly(Y**2 * (2 - X**2 + X**4 / 10 + X * Y)) + poly(Y**4), poly(1 - X**2)
+    assert is_proof(p, prove_nonnegative(p, [disc], [Y]), disc)
+    assert isinstance(prove_nonnegative(p - poly(3 * Y**2), [disc], [Y]), NoProof)
+    assert isinstance(prove_nonnegative(poly(Y + 10 * Y**2), [disc], [Y]), NoProof)
+
+
 def test_largest_multiple_is_an_estimate_of_the_best() -> None:
     estimate = largest_multiple(poly(3 * X**2 + X**4 + Y**2), poly(X**2 + Y**2))
     assert estimate == pytest.approx(1, rel=1e-5)

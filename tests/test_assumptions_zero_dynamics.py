@@ -104,6 +104,8 @@ NONLINEAR = {
     "crossed sines": [-Z1 + sin(Z2) / 4, -Z2 + sin(Z1) / 4 + X1],
     "reference": [-Z1 - X1**2 * Z1 + X1],
     "quadratic in a parameter": [-(1 + P**2) * Z1 + X1],
+    "cubic, quadratic in a parameter": [-Z1 - Z1**3 + Z2, -Z1 - (1 + P**2) * Z2 + X1],
+    "cubic, exponential": [-Z1 - Z1**3 - sympy.exp(Z1) + 1 + X1],
 }
 
 

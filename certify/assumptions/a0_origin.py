@@ -82,7 +82,8 @@ def _input_gain(number: int, agent: Agent) -> Finding:
     """``b_min > 0`` by branch and bound, or a point where ``b`` is not positive."""
     box = dict(zip(agent.parameters, agent.parameter_box, strict=True))
     evidence: dict[str, Json] = {"b": str(agent.b)}
-    warnings = [text for text in (origin_warning(agent), smoothness_warning(agent)) if text is not None]
+    origin = origin_warning(agent)
+    warnings = [text for text in (origin, smoothness_warning(agent)) if text is not None]
     if warnings:
         evidence["warnings"] = warnings
     for point in _points(agent):
@@ -105,7 +106,8 @@ def _input_gain(number: int, agent: Agent) -> Finding:
             "A0",
             number,
             "holds",
-            "the origin is at rest without input and b is positive on the parameter box",
+            "the origin is at rest without input and b is positive on W"
+            + ("; W does not contain the origin" if origin else ""),
             evidence,
         )
     evidence["infimum_between"] = [str(bound.value), str(bound.attained)]

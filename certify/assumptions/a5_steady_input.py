@@ -34,8 +34,8 @@ def _generated(agent: Agent, u_star: str, model: InternalModel) -> Finding:
         "ell": [str(entry) for entry in model.ell],
         "characteristic_polynomial": str(model.characteristic),
     }
-    if model.spectrum != "holds":
-        reason = "the generator of u* is not proved to have distinct eigenvalues with zero real part"
+    if model.spectrum == "fails":
+        reason = "the generator of u* has eigenvalues that S cannot produce"
         return Finding("A5", agent.id, "unknown", reason, evidence)
     reason = f"u* is a polynomial in v; it satisfies a linear differential equation of order {model.order}"
     return Finding("A5", agent.id, "holds", reason, evidence)

@@ -15,6 +15,7 @@ from certify.bounds.rationals import round_down
 from certify.bounds.sums_of_squares import NoProof, largest_multiple, prove_nonnegative
 from certify.inequalities.exact_psd import PositiveDefinite, prove_positive_definite
 from certify.inequalities.matrices import Matrix, matrix
+from symbolic.constants import as_rational
 from symbolic.errors import InputError
 from symbolic.identity import zero_test
 
@@ -39,6 +40,14 @@ class Refused:
     verdict: str
     reason: str
     evidence: dict[str, Json] = field(default_factory=dict, hash=False)
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Polynomials that must all exceed ``t‖z̄‖²`` wherever every polynomial of the domain is nonnegative."""
+
+    polynomials: tuple[sympy.Poly, ...]
+    domain: tuple[sympy.Poly, ...] = ()
 
 
 def judge(V0: sympy.Expr, dynamics: ZeroDynamics) -> Accepted | Refused:
@@ -144,7 +153,7 @@ def _by_sums_of_squares(
     V0: sympy.Expr, derivative: sympy.Expr, dynamics: ZeroDynamics, P: Matrix | None
 ) -> Accepted | Refused:
     states = dynamics.agent.zero_states
-    kappa = _largest_proved([sympy.Poly(V0, *states)], states)
+    kappa = _largest_proved(Cases((sympy.Poly(V0, *states),)), states)
     if kappa is None:
         return Refused("unknown", "V0 ≥ κ‖z̄‖² with κ > 0 was not proved by a sum of squares")
     tried = []
@@ -171,8 +180,8 @@ def _forms(derivative: sympy.Expr, dynamics: ZeroDynamics) -> list[tuple[str, sy
     return forms
 
 
-def _cases(derivative: sympy.Expr, dynamics: ZeroDynamics) -> list[sympy.Poly] | str:
-    """``−V̇0`` at the corners of ``W``, in ``z̄`` and whatever else is free; a reason when corners do not decide."""
+def _cases(derivative: sympy.Expr, dynamics: ZeroDynamics) -> Cases | str:
+    """``−V̇0`` at the corners of ``W``, but a parameter in which it is not affine stays, bounded by its interval."""
     agent = dynamics.agent
     gens = tuple(sorted(derivative.free_symbols | set(agent.zero_states), key=str))
     if not derivative.is_polynomial(*gens):
@@ -180,31 +189,31 @@ def _cases(derivative: sympy.Expr, dynamics: ZeroDynamics) -> list[sympy.Poly] |
     polynomial = sympy.Poly(-derivative, *gens)
     if not (polynomial.domain.is_ZZ or polynomial.domain.is_QQ):
         return "the derivative has coefficients that are not rational"
-    parameters = [name for name in agent.parameters if name in gens]
-    if any(polynomial.degree(name) > 1 for name in parameters):
-        return "the derivative is not affine in every parameter"
-    points = corners(agent, sympy.ImmutableMatrix([derivative]))
+    box = {name: end for name, end in zip(agent.parameters, agent.parameter_box, strict=True) if name in gens}
+    affine = [name for name in box if polynomial.degree(name) <= 1]
+    points = corners(agent, sympy.ImmutableMatrix([affine]))
     if points is None:
         return "W has too many corners"
-    rest = tuple(name for name in gens if name not in parameters)
-    return [sympy.Poly((-derivative).xreplace(dict(point)), *rest) for point in points]
+    rest = tuple(name for name in gens if name not in affine)
+    domain = tuple(
+        sympy.Poly((name - as_rational(end.lo)) * (as_rational(end.hi) - name), *rest)
+        for name, end in box.items()
+        if name not in affine
+    )
+    return Cases(tuple(sympy.Poly((-derivative).xreplace(dict(point)), *rest) for point in points), domain)
 
 
-def _largest_proved(cases: list[sympy.Poly], states: tuple[sympy.Symbol, ...]) -> Fraction | None:
-    """A proved ``t > 0``, close to the largest, with ``p − t‖z̄‖²`` a sum of squares for every ``p``; or None."""
-    estimates = []
-    for p in cases:
-        square = sympy.Poly(sum(name**2 for name in states), *p.gens)
-        estimates.append(largest_multiple(p, square))
+def _largest_proved(cases: Cases, states: tuple[sympy.Symbol, ...]) -> Fraction | None:
+    """A proved ``t > 0``, close to the largest, with ``p − t‖z̄‖² ≥ 0`` by sums of squares for every ``p``; or None."""
+    gens = cases.polynomials[0].gens
+    square = sympy.Poly(sum(name**2 for name in states), *gens)
+    estimates = [largest_multiple(p, square, cases.domain, states) for p in cases.polynomials]
     if any(estimate is None or estimate <= 0 for estimate in estimates):
         return None
     best = Fraction(min(estimate for estimate in estimates if estimate is not None))
     for factor in _SHRINK:
         t = round_down(best * factor, _SHORT_BITS)
-        shifted = [
-            p - sympy.Poly(sympy.Rational(t.numerator, t.denominator) * sum(n**2 for n in states), *p.gens)
-            for p in cases
-        ]
-        if not any(isinstance(prove_nonnegative(p), NoProof) for p in shifted):
+        shifted = [p - square * as_rational(t) for p in cases.polynomials]
+        if not any(isinstance(prove_nonnegative(p, cases.domain, states), NoProof) for p in shifted):
             return t
     return None

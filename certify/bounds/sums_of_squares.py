@@ -48,9 +48,13 @@ class NoProof:
     reason: str
 
 
-def prove_nonnegative(p: sympy.Poly, domain: Sequence[sympy.Poly] = ()) -> NonnegativityProof | NoProof:
+def prove_nonnegative(
+    p: sympy.Poly, domain: Sequence[sympy.Poly] = (), vanishing: Sequence[sympy.Symbol] = ()
+) -> NonnegativityProof | NoProof:
     """Prove ``p(x) ≥ 0`` for all real ``x`` with every ``g(x) ≥ 0``, ``g`` in ``domain``.
 
+    ``vanishing``: variables with which ``p`` vanishes to second order; then every square must vanish with them too, and
+    leaving the other monomials out keeps the Gram matrices away from the boundary of the cone.
     ``p`` and ``domain`` have rational coefficients and the same generators. Raises ValueError otherwise.
     """
     target = coefficients(p)
@@ -59,7 +63,7 @@ def prove_nonnegative(p: sympy.Poly, domain: Sequence[sympy.Poly] = ()) -> Nonne
         raise ValueError("the polynomials must have the same generators")
     if not target:
         return NonnegativityProof(Gram((), ()), tuple(Gram((), ()) for _ in constraints))
-    bases = _bases(target, constraints, len(p.gens))
+    bases = _bases(target, constraints, p.gens, vanishing)
     if isinstance(bases, NoProof):
         return bases
     from certify.bounds.gram_search import search_gram  # cvxpy takes a second to import
@@ -76,11 +80,13 @@ def prove_nonnegative(p: sympy.Poly, domain: Sequence[sympy.Poly] = ()) -> Nonne
     )
 
 
-def largest_multiple(p: sympy.Poly, q: sympy.Poly, domain: Sequence[sympy.Poly] = ()) -> float | None:
+def largest_multiple(
+    p: sympy.Poly, q: sympy.Poly, domain: Sequence[sympy.Poly] = (), vanishing: Sequence[sympy.Symbol] = ()
+) -> float | None:
     """An estimate of the largest ``t ≤ 10^6`` with ``p − t q`` a sum of squares on the domain; None without one."""
     target, subtracted = coefficients(p), coefficients(q)
     constraints = [coefficients(g) for g in domain]
-    bases = _bases({**target, **subtracted}, constraints, len(p.gens))
+    bases = _bases({**target, **subtracted}, constraints, p.gens, vanishing)
     if isinstance(bases, NoProof):
         return None
     from certify.bounds.gram_search import search_multiple
@@ -122,21 +128,30 @@ def times(left: Coefficients, right: Coefficients) -> Coefficients:
     return total
 
 
-def _bases(target: Coefficients, constraints: Sequence[Coefficients], variables: int) -> tuple[Basis, ...] | NoProof:
+def _bases(
+    target: Coefficients,
+    constraints: Sequence[Coefficients],
+    gens: Sequence[sympy.Symbol],
+    vanishing: Sequence[sympy.Symbol],
+) -> tuple[Basis, ...] | NoProof:
     """A monomial basis for the main Gram matrix, then one for each multiplier."""
-    degree = max(sum(m) for m in target)
-    reach = max([degree, *(max(sum(m) for m in g) for g in constraints)])
+    places = [k for k, name in enumerate(gens) if name in vanishing]
+
+    def allowed(basis: Basis) -> Basis:
+        return tuple(m for m in basis if not places or any(m[k] for k in places))
+
+    reach = max(sum(m) for polynomial in (target, *constraints) for m in polynomial)
     reach += reach % 2
     multipliers = []
     support = set(target)
     for g in constraints:
         rest = (reach - max(sum(m) for m in g)) // 2
-        basis = _monomials([rest] * variables, 0, rest)
+        basis = allowed(_monomials([rest] * len(gens), 0, rest))
         multipliers.append(basis)
         support |= {plus(plus(a, b), m) for a in basis for b in basis for m in g}
-    top = [(max(m[k] for m in support) + 1) // 2 for k in range(variables)]
+    top = [(max(m[k] for m in support) + 1) // 2 for k in range(len(gens))]
     lowest = (min(sum(m) for m in support) + 1) // 2
-    main = _consistent(_monomials(top, lowest, (max(sum(m) for m in support) + 1) // 2), support)
+    main = _consistent(allowed(_monomials(top, lowest, (max(sum(m) for m in support) + 1) // 2)), support)
     if max(map(len, (main, *multipliers))) > MAX_BASIS:
         return NoProof(f"more than {MAX_BASIS} monomials are needed")
     return (main, *multipliers)

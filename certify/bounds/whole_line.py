@@ -153,6 +153,8 @@ def _period(f: sympy.Expr, variable: sympy.Symbol) -> Fraction | None:
             return None
         rates.append(abs(as_fraction(rate)))
     rates = [rate for rate in rates if rate]
+    if not rates:
+        return None
     common = Fraction(gcd(*(rate.numerator for rate in rates)), lcm(*(rate.denominator for rate in rates)))
     with ctx.workprec(PRECISION):
         return upper(2 * arb.pi() / to_arb(common))
