@@ -36,8 +36,8 @@ def _prove(plant: Plant, certificate: Certificate) -> None:
         agent_recipe.prove_design(*design)
     facts = assumptions.prove(plant, certificate)
     envelopes = coordinator.prove(plant, certificate, facts)
-    for design, known, envelope in zip(designs, facts.agents, envelopes, strict=True):
-        agent_recipe.prove_levels(*design, known, envelope, facts.optimum, facts.v)
+    for design, envelope, known in zip(designs, envelopes, facts.agents, strict=True):
+        agent_recipe.prove_levels(*design, envelope, known, facts)
 
 
 def _bind(plant: Plant, claim: Claim, witness: Witness) -> None:

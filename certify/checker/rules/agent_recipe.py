@@ -16,7 +16,7 @@ from certify.checker.expressions import Node, names_in
 from certify.checker.intervals import Interval, between, enclose, norm, quadratic_bound, symmetric, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Agent
-from certify.checker.rules.assumptions import AgentFacts
+from certify.checker.rules.assumptions import AgentFacts, Facts
 from certify.checker.rules.coordinator import AgentEnvelope
 from certify.checker.subdivision import CUTS, supremum
 from certify.checker.verdict import Malformed, Rejected, Undecided, obligation, require, show
@@ -52,27 +52,38 @@ def _lyapunov(name: str, A: Matrix, P: Matrix) -> None:
     require(linear.is_nonnegative(left), name, P=P)
 
 
-def prove_levels(agent: Agent, claim: AgentClaim, witness: AgentWitness, facts: AgentFacts, envelope: AgentEnvelope,
-                 optimum: Interval, v: Mapping[str, Interval]) -> None:
+def prove_levels(agent: Agent, claim: AgentClaim, witness: AgentWitness, envelope: AgentEnvelope, known: AgentFacts,
+                 facts: Facts) -> None:
     """All that depends on the level, at first with the enclosures that cost least. Raises ``Rejected``."""
-    with obligation(f"agent {agent.id}"):
-        rule = _Recipe(agent, claim, witness, facts, envelope, optimum, v)
-        try:
-            rule.levels(cuts=0)
-        except Rejected:
-            rule.levels(cuts=CUTS)
+    try:
+        _Recipe(agent, claim, witness, envelope, known, facts, cuts=0).prove()
+    except Rejected:
+        _Recipe(agent, claim, witness, envelope, known, facts, cuts=CUTS).prove()
 
 
 class _Recipe:
-    """The plant, the claim and the witness of one agent, and the boxes that the level ``C`` confines it to."""
+    """One agent, and the boxes that the level ``C`` confines it to; a bound may cut its box ``cuts`` times."""
 
-    def __init__(self, agent: Agent, claim: AgentClaim, witness: AgentWitness, facts: AgentFacts,
-                 envelope: AgentEnvelope, optimum: Interval, v: Mapping[str, Interval]) -> None:
-        self.agent, self.claim, self.witness, self.facts, self.envelope = agent, claim, witness, facts, envelope
+    def __init__(self, agent: Agent, claim: AgentClaim, witness: AgentWitness, envelope: AgentEnvelope,
+                 known: AgentFacts, facts: Facts, cuts: int) -> None:
+        self.agent, self.claim, self.witness, self.envelope = agent, claim, witness, envelope
+        self.known, self.facts, self.cuts = known, facts, cuts
         self.name, self.n, self.g = f"agent {agent.id}", agent.order, claim.g
         self.nz, self.s = len(agent.zero_states), len(witness.ell)
-        self.optimum, self.v = optimum, v
-        self.boxes()
+
+    def prove(self) -> None:
+        with obligation(f"{self.name}: A3: z* is smooth"):
+            self.z_star = self.known.steady_state(self.facts.v, self.cuts)
+            self.z_star_at_start = self.known.steady_state(self.facts.v_at_start, self.cuts)
+        with obligation(self.name):
+            self.boxes()
+            self.zero_dynamics()
+            self.state_feedback()
+            if self.n > 1:
+                self.output_feedback()
+            else:
+                needed = self.claim.K * self.theta_max
+                self.require(needed <= self.claim.delta, "δ ≥ K ϑ_max", needed=needed, delta=self.claim.delta)
 
     def boxes(self) -> None:
         """The full box, the slice ``ϑ = 0`` and the reference points ``z = z*, x = (y, 0, …, 0)``."""
@@ -82,33 +93,22 @@ class _Recipe:
         self.z_bar = _block(w.V0, C)
         self.x_hat = _block(w.P1, C)
         self.eta = _block(w.P2, C * w.weight_eta)
-        self.y = self.optimum + symmetric(self.envelope.peak)
+        self.y = self.facts.optimum + symmetric(self.envelope.peak)
         chain = [self.g**k * x for k, x in enumerate(self.x_hat)]
         pull = -self.g ** (self.n - 1) * total(c * x for c, x in zip(claim.gamma, self.x_hat, strict=True))
-        z = [a + b for a, b in zip(self.z_bar, self.facts.steady_state, strict=True)]
+        z = [a + b for a, b in zip(self.z_bar, self.z_star, strict=True)]
         self.full = self.at(z, [*chain, symmetric(self.theta_max) + pull])
         self.slice = self.at(z, [*chain, pull])
-        self.reference = self.at(self.facts.steady_state, [ZERO] * self.n)
+        self.reference = self.at(self.z_star, [ZERO] * self.n)
 
     def at(self, z: Sequence[Interval], x_bar: Sequence[Interval]) -> dict[str, Interval]:
         """Names to intervals, with ``x = x̄ + (y, 0, …, 0)``."""
         x = [x_bar[0] + self.y, *x_bar[1:]]
         names = (*self.agent.zero_states, *self.agent.chain)
-        return {**self.v, **self.facts.w, **dict(zip(names, (*z, *x), strict=True))}
+        return {**self.facts.v, **self.known.w, **dict(zip(names, (*z, *x), strict=True))}
 
     def require(self, holds: bool, name: str, **numbers: object) -> None:
         require(holds, f"{self.name}: {name}", **numbers)
-
-    def levels(self, cuts: int) -> None:
-        """What depends on bounds over the boxes, which are cut at most ``cuts`` times for each bound."""
-        self.cuts = cuts
-        self.zero_dynamics()
-        self.state_feedback()
-        if self.n > 1:
-            self.output_feedback()
-        else:
-            needed = self.claim.K * self.theta_max
-            self.require(needed <= self.claim.delta, "δ ≥ K ϑ_max", needed=needed, delta=self.claim.delta)
 
     def zero_dynamics(self) -> None:
         """``V0 J + JᵀV0 ⪯ −a0 I`` for every ``J`` in the enclosure of ``∂f0/∂z`` at ``x1 = y``: at its vertices."""
@@ -146,7 +146,7 @@ class _Recipe:
     def state_feedback(self) -> None:
         """The bounds ``ς``, the coefficients ``a_•`` and the level."""
         n, g, K, w, claim = self.n, self.g, self.claim.K, self.witness, self.claim
-        b_min, b_max = self.facts.b.lower, self.facts.b.upper
+        b_min, b_max = self.known.b.lower, self.known.b.upper
         f0_full = self.slope(self.agent.zero_dynamics, self.full, ["x1"])
         f0_reference = self.slope(self.agent.zero_dynamics, self.reference, ["x1"])
         couple = 4 * enclose(linear.row_sum_bound(w.V0)) ** 2 / w.a0  # ς1²/a0
@@ -204,22 +204,23 @@ class _Recipe:
 
     def start(self) -> Interval:
         """``w0``: a bound of ``V0 + V1 + V2/ω_η + ϑ²/(2ω_ϑ)`` on the initial set."""
-        n, g, w, claim, facts = self.n, self.g, self.witness, self.claim, self.facts
+        n, g, w, claim, known = self.n, self.g, self.witness, self.claim, self.known
         x_bar = [between(*box) for box in self.agent.x_box]
         x_bar[0] = x_bar[0] - between(*self.agent.reference_box)
         weights = [g ** (n - k) * c for k, c in enumerate((*claim.gamma, Fraction(1)), 1)]
         theta = total(weight * x for weight, x in zip(weights, x_bar, strict=True))
-        z_bar = [between(*box) - z for box, z in zip(self.agent.z_box, facts.steady_state_at_start, strict=True)]
+        z_bar = [between(*box) - z for box, z in zip(self.agent.z_box, self.z_star_at_start, strict=True)]
         x_hat = [x / g**k for k, x in enumerate(x_bar[:-1])]
-        T_tau = [total(t * tau for t, tau in zip(row, facts.tau, strict=True)) for row in facts.T]
-        eta = [between(*self.agent.eta_box) - x - N * theta / facts.b for x, N in zip(T_tau, claim.N, strict=True)]
+        tau = known.tau(self.facts.v_at_start, self.cuts)
+        T_tau = [total(t * entry for t, entry in zip(row, tau, strict=True)) for row in known.T]
+        eta = [between(*self.agent.eta_box) - x - N * theta / known.b for x, N in zip(T_tau, claim.N, strict=True)]
         return (quadratic_bound(w.V0, z_bar) + quadratic_bound(w.P1, x_hat) + quadratic_bound(w.P2, eta) / w.weight_eta
                 + theta**2 / (2 * w.weight_theta)).upper
 
     def output_feedback(self) -> None:
         """Section 4: the saturation level, the first phase (h1, h2) and the second (h3)."""
         n, g, w, claim, h = self.n, self.g, self.witness, self.claim, self.claim.h or Fraction(1)
-        K, delta, slack, b_max, psi = claim.K, claim.delta, w.slack, self.facts.b.upper, self.psi
+        K, delta, slack, b_max, psi = claim.K, claim.delta, w.slack, self.known.b.upper, self.psi
         E2 = [(g / h) ** (n - k) * c for k, c in enumerate((*claim.gamma, Fraction(1)), 1)]
         inverse = linear.inverse(w.P3)
         reach = enclose(slack / 2 * linear.dot(E2, linear.apply(inverse, E2))).sqrt()

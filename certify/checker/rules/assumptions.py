@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
@@ -15,20 +15,22 @@ from certify.checker.linear import Matrix
 from certify.checker.plant import Agent, Plant
 from certify.checker.polynomials import ZERO, Algebra, Rational, constant, variable
 from certify.checker.rules.costs import Cost, prove_cost, prove_optimum
-from certify.checker.subdivision import value_range
+from certify.checker.subdivision import CUTS, value_range
 from certify.checker.verdict import Malformed, obligation, require
 
 
 @dataclass(frozen=True)
 class AgentFacts:
-    """Enclosures of ``w``, ``b(w)``, ``z*`` for all time and at the start, and ``τ`` at the start; the matrix ``T``."""
+    """Enclosures of ``w`` and ``b(w)``, the matrix ``T``, and ways to enclose ``z*`` and ``τ``.
+
+    ``steady_state(v, cuts)`` and ``tau(v, cuts)`` take a box of ``v`` and how many cuts an enclosure may cost.
+    """
 
     w: Mapping[str, Interval]
     b: Interval
-    steady_state: tuple[Interval, ...]
-    steady_state_at_start: tuple[Interval, ...]
     T: Matrix
-    tau: tuple[Interval, ...]
+    steady_state: Callable[[Mapping[str, Interval], int], list[Interval]]
+    tau: Callable[[Mapping[str, Interval], int], list[Interval]]
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class Facts:
     optimum: Interval
     optimal_slopes: tuple[Interval, ...]
     v: Mapping[str, Interval]
+    v_at_start: Mapping[str, Interval]
     agents: tuple[AgentFacts, ...]
 
 
@@ -56,7 +59,8 @@ def prove(plant: Plant, certificate: Certificate) -> Facts:
         _AgentProof(plant, agent, claim, witness, (lo, hi), v).prove()
         for agent, claim, witness in zip(
             plant.agents, certificate.claim.agents, certificate.witness.agents, strict=True))
-    return Facts(r, costs, between(lo, hi), slopes, v, agents)
+    v_at_start = {name: between(*box) for name, box in plant.exosystem.items()}
+    return Facts(r, costs, between(lo, hi), slopes, v, v_at_start, agents)
 
 
 def _network(plant: Plant) -> tuple[Fraction, ...]:
@@ -110,7 +114,6 @@ class _AgentProof:
         self.optimum = between(*optimum)
         self.name = f"agent {agent.id}"
         self.w = {name: between(*box) for name, box in agent.parameters.items()}
-        self.v0 = {name: between(*box) for name, box in plant.exosystem.items()}
         self.algebra = Algebra()
         self.symbols = {name: variable(name) for name in ("s", *v, *self.w)}
         states = [self.symbols[name] for name in v]
@@ -127,24 +130,32 @@ class _AgentProof:
             b = self.origin_and_input_gain()
         with obligation(f"{self.name}: A3"):
             self.regulator()
-            z, z_at_start = (tuple(self.range(node, v) for node in self.nodes) for v in (self.v, self.v0))
         with obligation(f"{self.name}: A5"):
-            tau = self.immersion()
-            return AgentFacts(self.w, b, z, z_at_start, self.transformation(), tau)
+            self.immersion()
+            return AgentFacts(self.w, b, self.transformation(), self.steady_state, self.tau)
 
     def identity(self, value: Rational, name: str) -> None:
         require(self.algebra.vanishes(value), f"{self.name}: {name}", terms_left=len(value.top.terms))
 
-    def range(self, node: Node, v: Mapping[str, Interval]) -> Interval:
+    def range(self, node: Node, v: Mapping[str, Interval], cuts: int) -> Interval:
         box = {"s": self.optimum, **v, **self.w}
-        return value_range(lambda piece: evaluate(node, piece, enclose, functions.call), box, names_in(node))
+        return value_range(lambda piece: evaluate(node, piece, enclose, functions.call), box, names_in(node), cuts)
+
+    def steady_state(self, v: Mapping[str, Interval], cuts: int) -> list[Interval]:
+        """``[z*]``; that it can be enclosed proves that its denominators do not vanish."""
+        return [self.range(node, v, cuts) for node in self.nodes]
+
+    def tau(self, v: Mapping[str, Interval], cuts: int) -> list[Interval]:
+        """``τ = (u*, L_S u*, …)``."""
+        box = {"s": self.optimum, **v, **self.w}
+        return [value_range(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u), cuts) for u in self.inputs]
 
     def origin_and_input_gain(self) -> Interval:
         """A0: ``f0(0, 0, 0, w) = 0``, ``f1(0, 0, 0, w) = 0``, ``b > 0``. Returns ``[b]``."""
         zeros = dict.fromkeys((*self.agent.zero_states, *self.agent.chain, *self.v), ZERO)
         for node in (*self.agent.zero_dynamics, self.agent.f):
             self.identity(self.algebra.read(node, {**self.symbols, **zeros}), "A0: f(0, 0, 0, w) = 0")
-        b = self.range(self.agent.b, {})
+        b = self.range(self.agent.b, {}, CUTS)
         require(b > 0, f"{self.name}: A0: b > 0", b=b)
         return b
 
@@ -165,18 +176,16 @@ class _AgentProof:
             speed = self.algebra.lie_derivative(values[name], self.exosystem)
             self.identity(speed - self.algebra.read(f0, values), "A3: ∂z*/∂v·S v = f0(z*, s, v, w)")
 
-    def immersion(self) -> tuple[Interval, ...]:
-        """A5: ``L_S^s u* = Σ ℓ_k L_S^(k−1) u*``. Returns enclosures of ``τ = (u*, L_S u*, …)`` on the initial set."""
+    def immersion(self) -> None:
+        """A5: ``L_S^s u* = Σ ℓ_k L_S^(k−1) u*``."""
         values = self.steady_states(self.symbols["s"] if self.point is None else constant(self.point))
         u = -self.algebra.read(self.agent.f, values) / self.algebra.read(self.agent.b, values)
-        residual, tau = ZERO, []
+        residual, self.inputs = ZERO, []
         for coefficient in self.witness.ell:
-            tau.append(u)
+            self.inputs.append(u)
             residual = residual - u * constant(coefficient)
             u = self.algebra.lie_derivative(u, self.exosystem)
         self.identity(residual + u, "A5: L_S^s u* = Σ ℓ_k L_S^(k−1) u*")
-        box = {"s": self.optimum, **self.v0, **self.w}
-        return tuple(value_range(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u)) for u in tau)
 
     def transformation(self) -> Matrix:
         """``T`` with ``TΦ − MT = NΓ`` and ``ΨT = Γ``: the inverse of the observability matrix of ``(Ψ, M + NΨ)``."""
