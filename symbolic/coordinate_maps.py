@@ -12,6 +12,7 @@ from symbolic.error_symbols import ErrorSymbols
 from symbolic.exact_field import as_expression
 from symbolic.internal_model import InternalModel
 from symbolic.plant import Agent, Exosystem
+from symbolic.steady_internal_state import steady_internal_state
 
 Exprs = tuple[sympy.Expr, ...]
 Equations = tuple[tuple[sympy.Symbol, sympy.Expr], ...]
@@ -62,12 +63,8 @@ class CoordinateMaps:
     @cached_property
     def steady_eta(self) -> Exprs:
         """``T τ(s*, v, w)`` with ``τ = col(u*, du*/dt, …)`` along v' = S v."""
-        tau = [self.u_star] if self.model.order else []
-        for _ in range(self.model.order - 1):
-            rate = sympy.Add(*(tau[-1].diff(name) * speed for name, speed
-                               in zip(self.exosystem.states, self.velocity, strict=True)))
-            tau.append(sympy.expand(rate))
-        return tuple(dot([as_expression(entry) for entry in row], tau) for row in self.model.T)
+        rows = tuple(tuple(as_expression(entry) for entry in row) for row in self.model.T)
+        return steady_internal_state(self.u_star, rows, self.exosystem)
 
     def from_original(self) -> Equations:
         """Each new coordinate in z, x, η, x̃, y^r, v, w."""

@@ -15,9 +15,11 @@ from typing import Any, TypeAlias
 import sympy
 from sympy import QQ
 from sympy.polys.constructor import construct_domain
+from sympy.polys.rings import PolyElement, PolyRing
 
 Number: TypeAlias = Fraction | Any  # a sympy number when it is irrational
 Element = Any  # an element of a sympy domain
+Pair = tuple[PolyElement, PolyElement]
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,11 @@ class ExactField:
     kernels: tuple[tuple[sympy.Expr, sympy.Symbol], ...]
 
     def element(self, expr: sympy.Expr) -> Element:
-        return self.domain.from_sympy(_with_kernels(expr, dict(self.kernels)))
+        rational = _with_kernels(expr, dict(self.kernels))
+        if not self.domain.is_FractionField:
+            return self.domain.from_sympy(rational)
+        field = self.domain.field
+        return field.new(*_fraction(rational, field.ring, dict(zip(field.symbols, field.ring.gens, strict=True))))
 
     def expression(self, element: Element) -> sympy.Expr:
         back = {stand_in: kernel for kernel, stand_in in self.kernels}
@@ -52,6 +58,34 @@ def as_number(expr: sympy.Expr) -> Number:
 
 def as_expression(number: Number) -> sympy.Expr:
     return sympy.Rational(number.numerator, number.denominator) if isinstance(number, Fraction) else number
+
+
+def _fraction(expr: sympy.Expr, ring: PolyRing, generators: dict[sympy.Symbol, PolyElement]) -> Pair:
+    """Numerator and denominator, not reduced: one reduction at the end is much cheaper than one after every step."""
+    if expr in generators:
+        return generators[expr], ring.one
+    if isinstance(expr, sympy.Add):
+        by_denominator: dict[PolyElement, PolyElement] = {}
+        for term in expr.args:
+            numerator, denominator = _fraction(term, ring, generators)
+            by_denominator[denominator] = by_denominator.get(denominator, ring.zero) + numerator
+        total, common = ring.zero, ring.one
+        for denominator, numerator in by_denominator.items():
+            least = common.lcm(denominator)
+            total, common = total * least.exquo(common) + numerator * least.exquo(denominator), least
+        return total, common
+    if isinstance(expr, sympy.Mul):
+        numerator, denominator = ring.one, ring.one
+        for factor in expr.args:
+            upper, lower = _fraction(factor, ring, generators)
+            numerator, denominator = numerator * upper, denominator * lower
+        return numerator, denominator
+    if isinstance(expr, sympy.Pow) and expr.exp.is_Integer:
+        numerator, denominator = _fraction(expr.base, ring, generators)
+        power = abs(int(expr.exp))
+        raised = numerator ** power, denominator ** power
+        return raised if expr.exp > 0 else (raised[1], raised[0])
+    return ring.ground_new(ring.domain.from_sympy(expr)), ring.one
 
 
 def _is_surd(expr: sympy.Expr) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -37,7 +37,7 @@ def zero_test(expr: sympy.Expr, box: Box | None = None) -> ZeroTest:
 
     ``box`` restricts the witness, not the identity: on a box with an interior both are the same for analytic functions.
     """
-    if expr.is_zero:
+    if expr == 0:
         return ZeroTest("holds")
     exact = field_of([expr])
     if exact.domain.is_zero(exact.element(expr)):
@@ -45,7 +45,7 @@ def zero_test(expr: sympy.Expr, box: Box | None = None) -> ZeroTest:
     witness = _nonzero_point(expr, box or {})
     if witness is not None:
         return ZeroTest("fails", witness)
-    if expr.count_ops() <= MAX_OPERATIONS and sympy.simplify(expr).is_zero:
+    if expr.count_ops() <= MAX_OPERATIONS and sympy.simplify(expr) == 0:
         return ZeroTest("holds")
     return ZeroTest("unknown")
 
@@ -75,6 +75,23 @@ def value_at(expr: sympy.Expr, point: Mapping[sympy.Symbol, sympy.Expr]) -> arb:
 def printed(point: Mapping[sympy.Symbol, sympy.Expr]) -> dict[str, str]:
     """A point as text, in the order of the names."""
     return {str(name): str(point[name]) for name in sorted(point, key=str)}
+
+
+def degree_bound(expr: sympy.Expr, symbols: Collection[sympy.Symbol]) -> int:
+    """An upper bound on the total degree in the symbols; any other function of them counts as 1."""
+    if isinstance(expr, sympy.Add):
+        return max(degree_bound(term, symbols) for term in expr.args)
+    if isinstance(expr, sympy.Mul):
+        return sum(degree_bound(factor, symbols) for factor in expr.args)
+    if isinstance(expr, sympy.Pow) and expr.exp.is_Integer:
+        return degree_bound(expr.base, symbols) * abs(int(expr.exp))
+    return int(not expr.free_symbols.isdisjoint(symbols))
+
+
+def excerpt(expr: sympy.Expr, length: int = 200) -> str:
+    """The expression as text, cut to a length that can be shown."""
+    text = str(expr)
+    return text if len(text) <= length else text[:length - 1] + "…"
 
 
 def _nonzero_point(expr: sympy.Expr, box: Box) -> dict[str, str] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy
 
 from symbolic.error_symbols import ErrorSymbols
+from symbolic.identity import degree_bound
 from symbolic.plant import Agent
 
 MAX_EXPANDED_DEGREE = 8
@@ -24,20 +25,9 @@ def increments(agent: Agent, functions: Exprs, symbols: ErrorSymbols, s_star: sy
     bar, hat = [], []
     for f in functions:
         tracking, optimal = f.xreplace(steady | {x[0]: symbols.reference}), f.xreplace(steady | {x[0]: s_star})
-        short = _degree(f) <= MAX_EXPANDED_DEGREE
+        short = degree_bound(f, f.free_symbols) <= MAX_EXPANDED_DEGREE
         differences = (f.xreplace(moved) - tracking, tracking - optimal)
         tracked, remaining = (sympy.expand(d) if short else d for d in differences)
         bar.append(tracked)
         hat.append(remaining)
     return tuple(bar), tuple(hat)
-
-
-def _degree(expr: sympy.Expr) -> int:
-    """An upper bound on the total degree in everything that is not a number."""
-    if isinstance(expr, sympy.Add):
-        return max(_degree(term) for term in expr.args)
-    if isinstance(expr, sympy.Mul):
-        return sum(_degree(factor) for factor in expr.args)
-    if isinstance(expr, sympy.Pow) and expr.exp.is_Integer:
-        return _degree(expr.base) * abs(int(expr.exp))
-    return int(bool(expr.free_symbols))

@@ -13,13 +13,14 @@ from sympy.polys.matrices import DomainMatrix
 from symbolic.annihilator import LAMBDA, OrderExceeded, least_annihilator, velocity_of
 from symbolic.design import internal_model_pair
 from symbolic.exact_field import Number, as_expression, as_number
+from symbolic.identity import excerpt
 from symbolic.plant import COST_VARIABLE, Agent, Exosystem
 from symbolic.point_parameters import without_point_parameters
 from symbolic.polynomial_in_v import NotPolynomial, polynomial_parts
 from symbolic.steady_state import SteadyState
 
 Row = tuple[Number, ...]
-MAX_ORDER = 40
+MAX_ORDER = 24
 
 
 @dataclass(frozen=True)
@@ -72,12 +73,13 @@ def internal_model(agent: Agent, exosystem: Exosystem, steady_state: SteadyState
     if isinstance(parts, NotPolynomial):
         settled = parts.proved and COST_VARIABLE not in u_star.free_symbols
         reason = f"u* is not {'' if settled else 'shown to be '}a polynomial in v: {parts.reason}"
-        return NoInternalModel("fails" if settled else "unknown", reason, {"term": parts.term, "u*": str(u_star)})
+        return NoInternalModel("fails" if settled else "unknown", reason, {"term": parts.term, "u*": excerpt(u_star)})
     velocity = velocity_of(exosystem.S, parts.ring, list(parts.ring.gens[:len(exosystem.states)]), parts.domain)
     try:
         relation = least_annihilator(parts.polynomials, velocity, parts.domain, MAX_ORDER)
     except OrderExceeded:
-        return NoInternalModel("unknown", f"u* satisfies no relation of order {MAX_ORDER} or less", {"u*": str(u_star)})
+        reason = f"u* satisfies no relation of order {MAX_ORDER} or less"
+        return NoInternalModel("unknown", reason, {"u*": excerpt(u_star)})
     order = int(relation.degree())
     pair = internal_model_pair(agent, order)
     if order == 0:

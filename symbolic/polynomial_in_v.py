@@ -9,8 +9,10 @@ import sympy
 from sympy.polys.rings import PolyElement, PolyRing
 
 from symbolic.exact_field import ExactField, field_of
-from symbolic.identity import MAX_OPERATIONS, zero_test
+from symbolic.identity import MAX_OPERATIONS, degree_bound, excerpt, zero_test
 from symbolic.plant import Exosystem
+
+MAX_DEGREE = 16
 
 # f(polynomial) with a nonconstant argument satisfies no algebraic equation over the rational functions
 _TRANSCENDENTAL = (sympy.exp, sympy.sin, sympy.cos, sympy.tan, sympy.tanh, sympy.sinh, sympy.cosh, sympy.log,
@@ -44,9 +46,11 @@ def polynomial_parts(u: sympy.Expr, exosystem: Exosystem) -> PolynomialParts | N
     """Expands u in the parameters; the coefficients of the different functions of the parameters are the q_j."""
     v = exosystem.states
     entries = list(exosystem.S)
+    if degree_bound(u, v) > MAX_DEGREE:
+        return NotPolynomial("u*", f"its degree in v may pass {MAX_DEGREE}, which is not tried", False)
     if field_of(entries).kernels:
         return NotPolynomial("S", "the entries of S are not algebraic numbers", False)
-    if u.is_zero or (not u.is_rational_function() and zero_test(u).verdict == "holds"):
+    if u == 0 or (not u.is_rational_function() and zero_test(u).verdict == "holds"):
         u = sympy.Integer(0)
     exact = field_of([u, *v, *entries])
     if any(kernel.has(*v) for kernel, _ in exact.kernels) and v:
@@ -65,7 +69,7 @@ def polynomial_parts(u: sympy.Expr, exosystem: Exosystem) -> PolynomialParts | N
     places = [exact.domain.symbols.index(name) for name in v]
     if any(monomial[place] for monomial in element.denom for place in places):
         denominator = exact.domain.field(element.denom)
-        return NotPolynomial(f"1/({exact.expression(denominator)})", "v in a denominator that does not cancel",
+        return NotPolynomial(f"1/({excerpt(exact.expression(denominator))})", "v in a denominator that does not cancel",
                              not exact.kernels)
     ring = PolyRing(v or ("unused",), base)
     parts: dict[tuple[int, ...], PolyElement] = {}

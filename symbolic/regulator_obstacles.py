@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import sympy
 
 from symbolic.exact_field import field_of
-from symbolic.identity import Box, printed, sample_points
+from symbolic.identity import Box, excerpt, printed, sample_points
 from symbolic.plant import COST_VARIABLE
 from symbolic.ranges import nonvanishing
 from symbolic.steady_state import NoSteadyState
@@ -18,7 +18,7 @@ Point = Mapping[sympy.Symbol, sympy.Rational]
 
 def resonance(problem: RegulatorProblem, stuck: Inconsistent, box: Box) -> NoSteadyState:
     """``fails`` with a rational point of the box at which the unsolvable linear system consists of numbers."""
-    proof = _refuted_at(problem, list(sample_points(_coefficient_symbols(problem), box)))
+    proof = _refuted_at(problem, list(sample_points(problem.coefficient_symbols, box)))
     if proof is not None:
         return proof
     equation = str(problem.z[stuck.component])
@@ -41,15 +41,17 @@ def pole(problem: RegulatorProblem, solved: Solved, box: Box) -> NoSteadyState |
         if answer.verdict == "holds":
             continue
         certain = answer.verdict == "fails"
-        reason = f"the coefficient {coefficient} of z* {'has' if certain else 'may have'} a pole: {answer.reason}"
-        evidence = {"denominator": str(denominator), **{f"point {k}": _shown(at) for k, at in enumerate(answer.at, 1)}}
+        what = "has a pole" if certain else "may have a pole"
+        reason = f"the coefficient {excerpt(coefficient)} of z* {what}: {answer.reason}"
+        points = {f"point {k}": _shown(at) for k, at in enumerate(answer.at, 1)}
+        evidence = {"denominator": excerpt(denominator), **points}
         if certain and len(answer.at) == 2 and solved.unique and not field_of([coefficient]).kernels:
             return NoSteadyState("fails", reason, evidence)
         if certain and len(answer.at) == 1:
             zero = answer.at[0]
-            points = [{name: sympy.Rational(zero.get(str(name), value)) for name, value in other.items()}
-                      for other in sample_points(_coefficient_symbols(problem), box)]
-            proof = _refuted_at(problem, points)
+            zeros = [{name: sympy.Rational(zero.get(str(name), value)) for name, value in other.items()}
+                     for other in sample_points(problem.coefficient_symbols, box)]
+            proof = _refuted_at(problem, zeros)
             if proof is not None:
                 return proof
         return NoSteadyState("unknown", reason, evidence)
@@ -67,11 +69,6 @@ def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy
                 "resonate with the exosystem",
                 {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where})
     return None
-
-
-def _coefficient_symbols(problem: RegulatorProblem) -> list[sympy.Symbol]:
-    found = {name for f in problem.f0 for name in f.free_symbols}
-    return sorted(found - {*problem.z, *problem.variables}, key=str)
 
 
 def _terms(stuck: Inconsistent) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import sympy
 
 from symbolic.errors import InputError
-from symbolic.identity import MAX_OPERATIONS, Box, normal_form, zero_test
+from symbolic.identity import MAX_OPERATIONS, Box, excerpt, normal_form, zero_test
 from symbolic.plant import COST_VARIABLE, Agent, Exosystem
 from symbolic.ranges import as_range, enclosure, nonvanishing
 
@@ -72,7 +72,7 @@ def proved(agent: Agent, exosystem: Exosystem, z_star: tuple[sympy.Expr, ...],
                            (f"the residual of the regulator equation of {name}", residual)):
             test = zero_test(expr, box)
             if test.verdict != "holds":
-                shown = str(normal_form(expr)) if expr.count_ops() <= MAX_OPERATIONS else "too long to show"
+                shown = excerpt(normal_form(expr)) if expr.count_ops() <= MAX_OPERATIONS else excerpt(expr)
                 reason = f"{what} is {'not zero' if test.verdict == 'fails' else 'not shown to be zero'}"
                 return NoSteadyState(test.verdict, reason, {"residual": shown, **test.at})
     return SteadyState(z_star, steady_input(agent, z_star), source)

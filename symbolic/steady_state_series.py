@@ -19,6 +19,7 @@ from sympy.polys.rings import PolyElement, PolyRing
 
 from symbolic.annihilator import lie_derivative, velocity_of
 from symbolic.exact_field import Element, ExactField, field_of
+from symbolic.identity import sample_points
 
 MAX_DEGREE = 8
 MAX_UNKNOWNS = 200
@@ -50,9 +51,10 @@ class Inconsistent:
 
 @dataclass(frozen=True)
 class NotFound:
-    """The method does not apply or was stopped."""
+    """The method does not apply or was stopped; ``unique``: until then every linear system was nonsingular."""
 
     reason: str
+    unique: bool = False
 
 
 Outcome = Solved | Inconsistent | NotFound
@@ -78,7 +80,24 @@ class RegulatorProblem:
                                 self.linear)
 
     def solve(self) -> Outcome:
-        """Solves degree by degree; stops at degree ``MAX_DEGREE`` or ``MAX_UNKNOWNS`` unknowns."""
+        """Solves degree by degree; stops at degree ``MAX_DEGREE`` or ``MAX_UNKNOWNS`` unknowns.
+
+        If the degrees couple, the parameters are first set to some numbers: where every system is nonsingular, what
+        does not end there does not end for general parameters either, and costs much less.
+        """
+        if not self.linear and self.coefficient_symbols:
+            trial = self.at(next(sample_points(self.coefficient_symbols, {}))).solve()
+            if isinstance(trial, NotFound) and trial.unique:
+                return trial
+        return self._matched()
+
+    @property
+    def coefficient_symbols(self) -> list[sympy.Symbol]:
+        """The parameters, and s where it is not expanded in."""
+        found = {name for f in self.f0 for name in f.free_symbols}
+        return sorted(found - {*self.z, *self.variables}, key=str)
+
+    def _matched(self) -> Outcome:
         try:
             polynomials = [self._numerator_denominator(f) for f in self.f0]
         except PolynomialError:
@@ -125,12 +144,12 @@ class _Matching:
         unique = True
         for degree in range(0 if linear else 1, last + 1):
             if not self._affordable():
-                return NotFound(f"the terms up to degree {degree - 1} are too many to go on")
+                return NotFound(f"the terms up to degree {degree - 1} are too many to go on", unique)
             residual = self._residual()
             if not any(residual):
                 break
             if self._count(degree) * len(self.z) > MAX_UNKNOWNS:
-                return NotFound(f"more than {MAX_UNKNOWNS} unknown coefficients at degree {degree}")
+                return NotFound(f"more than {MAX_UNKNOWNS} unknown coefficients at degree {degree}", unique)
             right = [self._part(r, degree) for r in residual]
             if linear and not any(right):
                 continue
@@ -139,7 +158,7 @@ class _Matching:
                 return replace(outcome, proved=(linear or unique) and not self.exact.kernels)
             unique &= outcome
         if not self._affordable() or any(self._residual()):
-            return NotFound(f"no polynomial of degree {last} or less")
+            return NotFound(f"no polynomial of degree {last} or less", unique)
         return self._solved(unique)
 
     def _residual(self) -> list[PolyElement]:
