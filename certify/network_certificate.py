@@ -1,0 +1,64 @@
+"""A proved network written down as claim and witnesses (docs/certificate.md): what is common to all routes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from certify.agent_model import Matrix
+from certify.certificate import SCHEMA, Json, number, numbers, rows
+from certify.coordinator.design import CoordinatorDesign
+from symbolic.controller import AgentController
+from symbolic.plant import Interval, Plant
+
+
+def network_certificate(
+    theorem: str,
+    plant: Plant,
+    optimum: Interval,
+    invariant: Matrix,
+    coordinator: CoordinatorDesign,
+    agents: Sequence[tuple[AgentController, Json]],
+    versions: Mapping[str, str],
+) -> Json:
+    """The certificate of a network all of whose agents passed, each with its controller and witness; ``invariant`` is ``Q``."""
+    model = coordinator.model
+    return {
+        "schema": SCHEMA,
+        "theorem": theorem,
+        "producer": dict(versions),
+        "claim": {
+            "plant_sha256": plant.sha256,
+            "alpha1": number(model.alpha1),
+            "alpha2": number(model.alpha2),
+            "agents": [_controller(controller) for controller, _ in agents],
+        },
+        "witness": {
+            "optimum": [number(optimum.lo), number(optimum.hi)],
+            "exosystem": {"Q": rows(invariant)} if invariant else None,
+            "coordinator": {
+                "P": rows(coordinator.comparison.P),
+                "multiplier": numbers(coordinator.comparison.multiplier),
+                "rate": number(coordinator.comparison.rate),
+                "mixing_rate": number(coordinator.comparison.mixing_rate),
+                "step": number(coordinator.mixing.step),
+                "steps": number(coordinator.mixing.steps),
+            },
+            "agents": [witness for _, witness in agents],
+        },
+    }
+
+
+def _controller(controller: AgentController) -> dict[str, Any]:
+    return {
+        "id": number(controller.id),
+        "g": number(controller.g),
+        "K": number(controller.K),
+        "delta": number(controller.delta),
+        "h": None if controller.h is None else number(controller.h),
+        "gamma": numbers(controller.gamma),
+        "observer": numbers(controller.observer),
+        "M": rows(controller.M),
+        "N": numbers(controller.N),
+        "psi": numbers(controller.psi),
+    }

@@ -1,0 +1,140 @@
+"""What every route starts from: optimum, derivation, exosystem, necessary conditions, coordinator, agents."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import sympy
+
+from certify.agent_model import AgentModel, References
+from certify.assumptions.findings import CheckReport
+from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
+from certify.coordinator.design import CoordinatorDesign, design_coordinator, gradients_at
+from certify.coordinator.nominal import cost_gradient
+from certify.coordinator.stability import Unstable
+from certify.curvature import Curvature, cost_curvature
+from certify.gains.linear_stability import LinearVerdict, necessary_condition
+from certify.gains.requested import requested_controller
+from certify.internal_trajectory import internal_model_data
+from certify.optimum import NoOptimumError, Optimum, optimum
+from certify.results import AgentResult, Status
+from symbolic.derivation import AgentDerivation, Derivation, derive
+from symbolic.internal_model import InternalModel
+from symbolic.plant import COST_VARIABLE, Interval, Plant
+from symbolic.steady_state import SteadyState
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The network ready for a route; ``models[i]`` is a reason where agent ``i`` cannot be treated exactly."""
+
+    plant: Plant
+    optimum: Optimum
+    derivation: Derivation
+    disturbance: ExosystemBounds
+    coordinator: CoordinatorDesign
+    models: tuple[AgentModel | str, ...]
+    linear: dict[int, LinearVerdict]
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """No route can start, or the requested gains are refuted."""
+
+    status: Status
+    reason: str
+    agents: tuple[AgentResult, ...] = ()
+
+
+def prepare(plant: Plant, check: CheckReport, report: Report) -> Prepared | Stopped:
+    """Everything up to the choice of gains; the exact linear condition on requested gains comes first."""
+    if check.status != "holds":
+        return _blocked(check)
+    try:
+        found = optimum(plant)
+    except NoOptimumError as error:
+        return Stopped("inconclusive", str(error))
+    s_star = COST_VARIABLE if found.exact is None else sympy.Rational(found.exact.numerator, found.exact.denominator)
+    derivation = derive(plant, s_star)
+    disturbance = exosystem_bounds(plant.exosystem)
+    if not isinstance(disturbance, ExosystemBounds):
+        return Stopped("inconclusive", f"exosystem: {disturbance.reason}")
+    if disturbance.Q is None:
+        return Stopped("inconclusive", "exosystem: S keeps no quadratic form with rational entries")
+
+    linear = _necessary(plant, derivation, found, disturbance)
+    refuted = [result for result in linear if result.status == "refuted"]
+    if refuted:
+        return Stopped("refuted", refuted[0].reason, linear)
+
+    curvatures = [_curvature(agent.cost) for agent in plant.agents]
+    gradients = gradients_at([cost_gradient(agent.cost) for agent in plant.agents], found.enclosure)
+    coordinator = design_coordinator(plant, found.enclosure, gradients, curvatures, report)
+    if isinstance(coordinator, Unstable):
+        return Stopped("inconclusive", f"coordinator: {coordinator.reason}", linear)
+    models = tuple(
+        _agent_model(plant, index, derived, found, disturbance, coordinator)
+        for index, derived in enumerate(derivation.agents)
+    )
+    verdicts = {result.id: result.linear for result in linear if result.linear is not None}
+    return Prepared(plant, found, derivation, disturbance, coordinator, models, verdicts)
+
+
+def _agent_model(
+    plant: Plant,
+    index: int,
+    derived: AgentDerivation,
+    found: Optimum,
+    disturbance: ExosystemBounds,
+    coordinator: CoordinatorDesign,
+) -> AgentModel | str:
+    references, steady, model = coordinator.envelope.agents[index], derived.steady_state, derived.internal_model
+    if not isinstance(steady, SteadyState) or not isinstance(model, InternalModel):
+        return "there is no steady state or internal model"
+    data = internal_model_data(model, steady.u_star, plant.exosystem)
+    if data is None:
+        return "the internal model has irrational entries, and the exact steps of this route need rational ones"
+    return AgentModel(
+        agent=plant.agents[index],
+        exosystem=plant.exosystem,
+        steady_state=steady.z_star,
+        internal_model=data,
+        gamma=derived.design.gamma,
+        observer=derived.design.observer,
+        optimum=found.enclosure,
+        disturbance=disturbance.box,
+        references=References(references.peak, references.energy, references.rate_energy),
+    )
+
+
+def _curvature(cost: sympy.Expr) -> Interval:
+    curvature = cost_curvature(cost)
+    assert isinstance(curvature, Curvature)  # A1 holds, or the preparation has stopped before
+    return Interval(curvature.lower, curvature.upper)
+
+
+def _necessary(
+    plant: Plant, derivation: Derivation, found: Optimum, disturbance: ExosystemBounds
+) -> tuple[AgentResult, ...]:
+    """The exact linear condition on requested gains, agent by agent; empty when ``K`` and ``h`` are not both fixed."""
+    results = []
+    for derived in derivation.agents:
+        controller = requested_controller(derived, plant.gains)
+        if controller is None:
+            continue
+        assert isinstance(derived.steady_state, SteadyState)
+        verdict = necessary_condition(
+            derived.agent, controller, derived.steady_state, found, disturbance.sharp, plant.exosystem.states
+        )
+        status: Status = "refuted" if verdict.status == "refuted" else "inconclusive"
+        results.append(AgentResult(derived.id, status, f"agent {derived.id}: {verdict.reason}", linear=verdict))
+    return tuple(results)
+
+
+def _blocked(check: CheckReport) -> Stopped:
+    wrong = next(f for f in check.findings if f.verdict == ("fails" if check.status == "fails" else "unknown"))
+    where = "" if wrong.agent is None else f", agent {wrong.agent}"
+    return Stopped("refuted" if check.status == "fails" else "inconclusive", f"{wrong.id}{where}: {wrong.reason}")

@@ -1,0 +1,60 @@
+"""What a route returns: a certificate, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any, Literal
+
+from certify.certificate import Json
+from certify.coordinator.design import CoordinatorDesign
+from certify.coordinator.envelope import Envelope
+from certify.gains.linear_stability import LinearVerdict
+
+Status = Literal["certified", "refuted", "inconclusive"]
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Other gains that were found for the same agent, with the reason for which they are named."""
+
+    label: str
+    reason: str
+    g: Fraction
+    K: Fraction
+    delta: Fraction
+    h: Fraction | None
+
+
+@dataclass(frozen=True)
+class AgentResult:
+    """What was found for one agent; the dictionaries are empty when it has no certificate.
+
+    ``constants`` ``ς1 … ς11`` and the Jacobian bounds, ``thresholds`` ``g, K, mu, a, delta, T, h1, h2, h3, h, level, rate``,
+    ``matrices`` ``V0, P1, P2, P3``, ``bounds`` of the error coordinates along the way, by name; which of them there are
+    depends on the route. ``linear`` is the verdict of the necessary condition on requested gains.
+    """
+
+    id: int
+    status: Status
+    reason: str
+    constants: dict[str, Fraction] = field(default_factory=dict)
+    thresholds: dict[str, Fraction] = field(default_factory=dict)
+    matrices: dict[str, tuple[tuple[Fraction, ...], ...]] = field(default_factory=dict)
+    linear: LinearVerdict | None = None
+    bounds: dict[str, Fraction] = field(default_factory=dict)
+    alternatives: tuple[Alternative, ...] = ()
+
+
+@dataclass(frozen=True)
+class GainsResult:
+    """The outcome of a route: ``certificate`` is there iff ``status == "certified"``; ``summary`` has the JSON shape of spec.md."""
+
+    status: Status
+    reason: str
+    route: str
+    certificate: Json | None
+    summary: dict[str, Any]
+    agents: tuple[AgentResult, ...] = ()
+    envelope: Envelope | None = None
+    coordinator: CoordinatorDesign | None = None

@@ -1,0 +1,52 @@
+"""Route "direct", agent by agent (theory.md section 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+from certify.bounds.rationals import round_down, round_up
+from certify.certificate import Json
+from certify.preparation import Prepared
+from certify.results import AgentResult, Alternative
+from certify.tube.certificate import BOX_BITS, tube_controller, tube_witness
+from certify.tube.search import Choice, NoChoice, search_gains
+from certify.tube.trial import AgentTrials
+from symbolic.controller import AgentController
+
+
+def tube_agent(
+    prepared: Prepared, index: int, report: Callable[[str], None] = lambda message: None
+) -> tuple[AgentResult, AgentController | None, Json | None]:
+    """The result, controller and witness of one agent; the latter two are ``None`` when nothing passed."""
+    derived, model = prepared.derivation.agents[index], prepared.models[index]
+    linear = prepared.linear.get(derived.id)
+    if isinstance(model, str):
+        return AgentResult(derived.id, "inconclusive", model, linear=linear), None, None
+    trials = AgentTrials(model, prepared.coordinator.envelope, index)
+    found = search_gains(trials, prepared.plant.gains, report)
+    if isinstance(found, NoChoice):
+        return AgentResult(derived.id, "inconclusive", found.reason, linear=linear), None, None
+    default = found[0].trial
+    controller = tube_controller(model, default)
+    peak = [round_up(Fraction(float(value)), BOX_BITS) for value in default.tube.peak]
+    names = [str(z) for z in model.agent.zero_states] + [str(x) for x in model.agent.chain] + ["vartheta", "psi_eta"]
+    rate = round_down(Fraction(default.tube.tail_rate), BOX_BITS)
+    thresholds = {"g": controller.g, "K": controller.K, "delta": controller.delta, "rate": rate}
+    if controller.h is not None:
+        thresholds |= {"h": controller.h, "T": Fraction(default.peaked.duration)}
+    result = AgentResult(
+        derived.id,
+        "certified",
+        found[0].reason,
+        thresholds={**thresholds, "level": peak[len(names) - 2]},
+        linear=linear,
+        bounds=dict(zip(names, peak, strict=False)),
+        alternatives=tuple(_alternative(choice) for choice in found[1:]),
+    )
+    return result, controller, tube_witness(model, default, trials.observer_norm)
+
+
+def _alternative(choice: Choice) -> Alternative:
+    trial = choice.trial
+    return Alternative(choice.label, choice.reason, trial.gains.g, trial.gains.K, trial.delta, trial.gains.h)

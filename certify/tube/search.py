@@ -1,0 +1,117 @@
+"""Small gains for one agent: the least ``K``, the least ``h``, and a balance of the two (theory.md section 6.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from certify.tube.loop import LoopGains
+from certify.tube.trial import AgentTrials, Trial, TrialFailure
+from symbolic.plant import RequestedGains
+
+FIRST_G = (Fraction(2), Fraction(3), Fraction(1))
+LADDER = tuple(Fraction(k) for k in (60, 90, 130, 200, 300, 450, 700, 1000, 1500, 2200, 3300, 5000, 10000, 30000, 100000))
+START = 7
+RATIOS = tuple(Fraction(k) for k in (25, 50, 100, 200, 400, 1000))
+FIRST_RATIO = 3
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One point of the trade-off, with the reason for which it is there."""
+
+    label: str
+    reason: str
+    trial: Trial
+
+
+@dataclass(frozen=True)
+class NoChoice:
+    """Nothing passed; the reason is that of the trial that came furthest."""
+
+    reason: str
+    tried: int
+
+
+def search_gains(
+    trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None] = lambda message: None
+) -> tuple[Choice, ...] | NoChoice:
+    """Certifiable gains, the default first. Requested gains are kept; whatever is left free is searched."""
+    finder = _Finder(trials, requested, report)
+    first = finder.first()
+    if isinstance(first, NoChoice):
+        return first
+    least_K = finder.lower_K(first)
+    least_h = finder.lower_h(least_K)
+    balanced = min(finder.passed, key=lambda trial: (trial.gains.K * (trial.gains.h or 1), trial.gains.K))
+    chosen = [Choice("balanced", "the least product K·h of all gains that passed", balanced)]
+    if least_K is not balanced:
+        chosen.append(Choice("least K", "the least feedback gain that passed", least_K))
+    if least_h is not balanced and least_h is not least_K:
+        chosen.append(Choice("least h", "the least observer gain that passed", least_h))
+    return tuple(chosen)
+
+
+class _Finder:
+    def __init__(self, trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None]) -> None:
+        self.trials, self.requested, self.report = trials, requested, report
+        self.observed = trials.model.order > 1
+        self.passed: list[Trial] = []
+        self.known: dict[LoopGains, Trial | TrialFailure] = {}
+
+    def attempt(self, g: Fraction, K: Fraction, ratio: Fraction) -> Trial | None:
+        wanted = self.requested
+        K = wanted.K or K
+        h = (wanted.h or K * ratio) if self.observed else None
+        gains = LoopGains(wanted.g or g, K, h)
+        if gains not in self.known:
+            self.report(f"g = {gains.g}, K = {gains.K}" + ("" if h is None else f", h = {h}"))
+            result = self.trials.attempt(gains, wanted.delta)
+            self.known[gains] = result
+            if isinstance(result, Trial):
+                self.passed.append(result)
+        found = self.known[gains]
+        return found if isinstance(found, Trial) else None
+
+    def first(self) -> Trial | NoChoice:
+        """Some gains that pass: upwards in ``K`` and ``h/K``."""
+        for K in LADDER[START:]:
+            for ratio in RATIOS[FIRST_RATIO:]:
+                for g in FIRST_G if self.trials.model.order > 1 else FIRST_G[-1:]:
+                    found = self.attempt(g, K, ratio)
+                    if found is not None:
+                        return found
+            if len(self.known) >= 24 or self.requested.K is not None:
+                break
+        reasons = [result.reason for result in self.known.values() if isinstance(result, TrialFailure)]
+        return NoChoice(reasons[-1], len(self.known))
+
+    def lower_K(self, start: Trial) -> Trial:
+        """Bisection on the ladder of ``K`` at the ratio and ``g`` of ``start``."""
+        best, ratio = start, self._ratio(start)
+        below, above = -1, next((k for k, K in enumerate(LADDER) if start.gains.K <= K), len(LADDER))
+        while above - below > 1 and self.requested.K is None:
+            middle = (below + above) // 2
+            found = self.attempt(start.gains.g, LADDER[middle], ratio)
+            if found is None:
+                below = middle
+            else:
+                best, above = found, middle
+        return best
+
+    def lower_h(self, start: Trial) -> Trial:
+        """Smaller ratios ``h/K`` at the least ``K`` and, where that fails, one rung above it."""
+        best, ratio = start, self._ratio(start)
+        rung = next((k for k, K in enumerate(LADDER) if start.gains.K <= K), len(LADDER) - 1)
+        for K in dict.fromkeys((start.gains.K, LADDER[min(rung + 1, len(LADDER) - 1)])):
+            for smaller in reversed([r for r in RATIOS if r < ratio]):
+                found = self.attempt(start.gains.g, K, smaller)
+                if found is None:
+                    break
+                if (found.gains.h or 0) < (best.gains.h or 0):
+                    best = found
+        return best
+
+    def _ratio(self, trial: Trial) -> Fraction:
+        return Fraction(1) if trial.gains.h is None else trial.gains.h / trial.gains.K

@@ -1,0 +1,147 @@
+"""Phase 2 and the tail: the comparison system on a time grid (docs/certificate-direct.md sections 5, 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from certify.tube.increments import Increments, residuals
+from certify.tube.kernels import Kernels
+from certify.tube.surroundings import Moment, Surroundings
+
+INFLATION = 1.01
+DRIVE_MARGIN = 1.01
+LARGEST_STEP = 0.2
+SMALLEST_STEP_RATIO = 1e-3
+GROWTH = 1.3
+MOST_STEPS = 2500
+LARGEST = 1e6
+TAIL_SHARES = (0.9, 0.5, 0.2)
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """Float views of the nominal slopes and of the gain that multiplies the input gain's uncertainty."""
+
+    f0: np.ndarray
+    f1: np.ndarray
+    b: float
+    K: float
+
+
+@dataclass(frozen=True)
+class Tube:
+    """``grid`` has one entry more than ``boxes``; ``boxes[k]`` bounds the outputs ``z̄, x̄, ϑ̃, Ψη̄`` on step ``k``."""
+
+    grid: tuple[float, ...]
+    boxes: tuple[np.ndarray, ...]
+    tail: np.ndarray
+    tail_rate: float
+
+    @property
+    def peak(self) -> np.ndarray:
+        return np.max([*self.boxes, self.tail], axis=0)
+
+
+@dataclass(frozen=True)
+class TubeFailure:
+    """Where the tube could not be continued."""
+
+    time: float
+    reason: str
+
+
+class Comparison:
+    """``p_ia' = −μ_a p_ia + Σ_j c_ija |q_j|`` with ``|q|`` bounded over boxes."""
+
+    def __init__(self, kernels: Kernels, increments: Increments, feedback: Feedback) -> None:
+        self.kernels, self.increments, self.feedback = kernels, increments, feedback
+        self.plant = increments.zeros + increments.order
+        low, high = increments.b
+        self.gain_error = max(abs(low - feedback.b), abs(high - feedback.b))
+
+    def start(self, state: np.ndarray) -> np.ndarray:
+        return np.einsum("ila,l->ia", self.kernels.coefficients[:, self.kernels.inputs :], state)
+
+    def inputs(self, box: np.ndarray, moment: Moment) -> np.ndarray:
+        """Bounds of ``q_1 … q_nz, q_f, q_y`` over a box of outputs."""
+        zeros = self.increments.zeros
+        slopes = self.increments.slopes(box[:zeros], box[zeros : self.plant], moment)
+        S, s = residuals(slopes, self.feedback.f0, self.feedback.f1, zeros)
+        q = S @ box[: self.plant] + s * moment.deviation
+        if self.gain_error > 0:
+            q[zeros] += self.gain_error * (self.feedback.K * box[self.plant] + (box[self.plant + 1] if len(box) > self.plant + 1 else 0))
+        return np.append(q, moment.rate) * DRIVE_MARGIN
+
+    def drive(self, q: np.ndarray) -> np.ndarray:
+        return self.kernels.coefficients[:, : self.kernels.inputs].transpose(0, 2, 1) @ q
+
+    def step(self, p: np.ndarray, box: np.ndarray, moment: Moment, length: float) -> tuple[np.ndarray, np.ndarray]:
+        """The state after the step and the bounds of the outputs during it, given a box for it."""
+        level = self.drive(self.inputs(box, moment)) / self.kernels.rates
+        kept = np.exp(-self.kernels.rates * length)
+        following = kept * p + (1 - kept) * level
+        return following, np.maximum(p, following).sum(axis=1)
+
+
+def tube(comparison: Comparison, surroundings: Surroundings, state: np.ndarray, begin: float) -> Tube | TubeFailure:
+    """Boxes from ``begin`` to the end of the coordinator's grid, and the tail; or the time at which no box was found."""
+    p = comparison.start(state)
+    time, length = begin, max(begin / 4, 0.25 / float(comparison.kernels.rates.max()))
+    shortest = length * SMALLEST_STEP_RATIO
+    grid, boxes = [time], []
+    while time < surroundings.horizon:
+        if len(boxes) >= MOST_STEPS:
+            return TubeFailure(time, f"more than {MOST_STEPS} steps")
+        length = min(length, LARGEST_STEP, max(surroundings.horizon - time, shortest) * 1.001)
+        length = _short(length)
+        found = _box(comparison, p, surroundings.during(time, time + length), length)
+        if found is None:
+            length /= 2
+            if length < shortest:
+                return TubeFailure(time, "the increments outrun the loop")
+            continue
+        p, box, rounds = found
+        boxes.append(box)
+        time = time + length
+        grid.append(time)
+        length = length * GROWTH if rounds < 6 else length
+    tail = _tail(comparison, surroundings, p)
+    if isinstance(tail, str):
+        return TubeFailure(time, tail)
+    return Tube(tuple(grid), tuple(boxes), *tail)
+
+
+def _short(length: float) -> float:
+    """A step with 12 significant bits, so that the grid stays short."""
+    mantissa, exponent = np.frexp(length)
+    return float(np.ldexp(np.floor(mantissa * 4096) / 4096, exponent))
+
+
+def _box(comparison: Comparison, p: np.ndarray, moment: Moment, length: float) -> tuple[np.ndarray, np.ndarray, int] | None:
+    box = p.sum(axis=1) * INFLATION + 1e-9
+    for rounds in range(60):
+        following, reached = comparison.step(p, box, moment, length)
+        if np.all(reached <= box):
+            return following, box, rounds
+        box = np.maximum(box, reached * INFLATION)
+        if not np.all(np.isfinite(box)) or box.max() > LARGEST:
+            return None
+    return None
+
+
+def _tail(comparison: Comparison, surroundings: Surroundings, p: np.ndarray) -> tuple[np.ndarray, float] | str:
+    moment, rates = surroundings.later(), comparison.kernels.rates
+    for share in TAIL_SHARES:
+        rate = share * min(surroundings.decay, float(rates[0]))
+        box = p.sum(axis=1) * 1.05 + 1e-9
+        for _ in range(200):
+            d = np.maximum(p, comparison.drive(comparison.inputs(box, moment)) / (rates - rate))
+            reached = d.sum(axis=1)
+            if np.all(reached <= box):
+                return box, rate
+            box = np.maximum(box, reached * INFLATION)
+            if box.max() > LARGEST:
+                break
+    return "no tail: the loop gain of the increments is not below one for every phase of the exosystem"

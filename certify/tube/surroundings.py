@@ -1,0 +1,147 @@
+"""What an agent sees at a time: ranges of the exosystem, the reference and the steady state (docs/certificate-direct.md section 3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+from math import inf
+
+import numpy as np
+import scipy.linalg
+
+from certify.agent_model import AgentModel
+from certify.bounds.balls import compile_expression
+from certify.coordinator.envelope import AgentEnvelope, Envelope
+from certify.tube.ranges import Range, enclose, floats, hull, widen
+from symbolic.plant import COST_VARIABLE, Interval
+
+PARTS = {0: 1, 1: 8, 2: 4}
+MANY_PARTS = 2
+SAFETY = 1e-9
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Ranges on one interval of time: ``v``, ``y^r``, ``z*``; ``deviation ≥ |y^r − s*|``, ``rate ≥ |ẏ^r|``."""
+
+    v: tuple[Range, ...]
+    reference: Range
+    steady: tuple[Range, ...]
+    deviation: float
+    rate: float
+
+
+class Surroundings:
+    """Moments of one agent, cached: the same intervals come back for many gains."""
+
+    def __init__(self, model: AgentModel, envelope: Envelope, index: int) -> None:
+        self.model = model
+        self.agent: AgentEnvelope = envelope.agents[index]
+        self.step = float(envelope.step)
+        self.horizon = float(envelope.horizon)
+        self.decay = float(envelope.tail_decay)
+        self.optimum = floats(model.optimum)
+        self.limits = tuple(floats(side) for side in model.disturbance)
+        exosystem = model.exosystem
+        self.S = np.array(exosystem.S.tolist(), dtype=float).reshape(len(exosystem.states), len(exosystem.states))
+        ends = [floats(side) for side in exosystem.initial]
+        self.centre = np.array([(lo + hi) / 2 for lo, hi in ends])
+        self.radius = np.array([(hi - lo) / 2 for lo, hi in ends])
+        self.reference = [floats(side) for side in self.agent.reference]
+        self.deviation = [float(value) for value in self.agent.deviation]
+        self.rate = [float(value) for value in self.agent.rate]
+        self.steady = _SteadyRange(model)
+        self._known: dict[tuple[float, float], Moment] = {}
+
+    def during(self, start: float, end: float) -> Moment:
+        """The moment that covers ``[start, end]``."""
+        key = (start, end)
+        if key not in self._known:
+            v = self._exosystem(start, end)
+            reference, deviation, rate = self._reference(start, end)
+            self._known[key] = Moment(v, reference, self.steady(self.optimum, v), deviation, rate)
+        return self._known[key]
+
+    def later(self) -> Moment:
+        """The moment that covers everything after the coordinator's grid."""
+        deviation = float(self.agent.tail_deviation)
+        reference = widen(self.optimum, deviation)
+        return Moment(self.limits, reference, self.steady(self.optimum, self.limits), deviation, float(self.agent.tail_rate))
+
+    def at_start(self) -> Moment:
+        """The moment ``t = 0`` itself."""
+        v = tuple(floats(side) for side in self.model.exosystem.initial)
+        moment = self.during(0.0, self.step)
+        return Moment(v, floats(self.model.agent.initial.reference), self.steady(self.optimum, v), moment.deviation, moment.rate)
+
+    def _exosystem(self, start: float, end: float) -> tuple[Range, ...]:
+        if not len(self.S):
+            return ()
+        points = [self._flow(start), self._flow(end)]
+        bend = (end - start) ** 2 / 8 * np.abs(self.S @ self.S) @ np.array([max(abs(lo), abs(hi)) for lo, hi in self.limits])
+        return tuple(
+            (
+                max(min(lo[k] for lo, _ in points) - bend[k], self.limits[k][0]),
+                min(max(hi[k] for _, hi in points) + bend[k], self.limits[k][1]),
+            )
+            for k in range(len(self.S))
+        )
+
+    def _flow(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        flow = scipy.linalg.expm(self.S * time)
+        middle, spread = flow @ self.centre, np.abs(flow) @ self.radius + SAFETY
+        return middle - spread, middle + spread
+
+    def _reference(self, start: float, end: float) -> tuple[Range, float, float]:
+        first = int(start / self.step * (1 - 1e-12))
+        last = int(np.ceil(end / self.step * (1 + 1e-12)))
+        inside = slice(min(first, len(self.rate)), min(last, len(self.rate)))
+        reference, deviation, rate = (inf, -inf), 0.0, 0.0
+        for side, distance, speed in zip(self.reference[inside], self.deviation[inside], self.rate[inside], strict=True):
+            reference, deviation, rate = hull(reference, side), max(deviation, distance), max(rate, speed)
+        if last > len(self.rate):
+            later = widen(self.optimum, float(self.agent.tail_deviation))
+            reference = hull(reference, later)
+            deviation, rate = max(deviation, float(self.agent.tail_deviation)), max(rate, float(self.agent.tail_rate))
+        return reference, deviation, rate
+
+
+class _SteadyRange:
+    """The range of ``z*`` over ``s``, ``v`` and the parameters, these cut into parts where they occur."""
+
+    def __init__(self, model: AgentModel) -> None:
+        agent = model.agent
+        free = {x for component in model.steady_state for x in component.free_symbols}
+        used = [k for k, name in enumerate(agent.parameters) if name in free and not agent.parameter_box[k].is_point]
+        parts = PARTS.get(len(used), MANY_PARTS)
+        choices = [_cut(box, parts if k in used else 1) for k, box in enumerate(agent.parameter_box)]
+        self.boxes = [tuple(floats(side) for side in choice) for choice in product(*choices)]
+        symbols = (COST_VARIABLE, *model.exosystem.states, *agent.parameters)
+        self.programs = [compile_expression(component, symbols) for component in model.steady_state]
+
+    def __call__(self, optimum: Range, v: tuple[Range, ...]) -> tuple[Range, ...]:
+        found = []
+        for program in self.programs:
+            total: Range = (inf, -inf)
+            for parameters in self.boxes:
+                total = hull(total, enclose(program, [optimum, *v, *parameters]))
+            found.append(total)
+        return tuple(found)
+
+
+def _cut(box: Interval, parts: int) -> list[Interval]:
+    width = (box.hi - box.lo) / parts
+    return [Interval(box.lo + k * width, box.lo + (k + 1) * width) for k in range(parts)] if parts > 1 else [box]
+
+
+def steady_trajectory_range(model: AgentModel) -> np.ndarray:
+    """Magnitudes of ``η̄(0) = η(0) − Tτ(0)`` over the initial set."""
+    from certify.bounds.suprema import magnitude_bound
+
+    im = model.internal_model
+    eta = model.agent.initial.eta.magnitude
+    rows = [sum((Fraction(t) * tau for t, tau in zip(row, im.tau, strict=True)), Fraction(0)) for row in im.T]
+    return np.array([float(eta + magnitude_bound(row, model.initial_exogenous_box).value) for row in rows])
+
+
