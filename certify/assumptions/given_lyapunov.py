@@ -7,20 +7,15 @@ from fractions import Fraction
 
 import sympy
 
+from certify.assumptions.decay_by_squares import Cases, cases, forms, largest_decay
 from certify.assumptions.findings import Json, point_text
 from certify.assumptions.quadratic_lyapunov import Refutation, decay
-from certify.assumptions.zero_jacobian import Unbounded, corners, jacobian_polytope, not_smooth
+from certify.assumptions.zero_jacobian import Unbounded, jacobian_polytope, not_smooth
 from certify.assumptions.zero_samples import ZeroDynamics, nonnegative_at, settings
-from certify.bounds.rationals import round_down
-from certify.bounds.sums_of_squares import NoProof, largest_multiple, prove_nonnegative
 from certify.inequalities.exact_psd import PositiveDefinite, prove_positive_definite
 from certify.inequalities.matrices import Matrix, matrix
-from symbolic.constants import as_rational
 from symbolic.errors import InputError
 from symbolic.identity import zero_test
-
-_SHRINK = (Fraction(95, 100), Fraction(1, 2), Fraction(1, 100))
-_SHORT_BITS = 16
 
 
 @dataclass(frozen=True)
@@ -40,14 +35,6 @@ class Refused:
     verdict: str
     reason: str
     evidence: dict[str, Json] = field(default_factory=dict, hash=False)
-
-
-@dataclass(frozen=True)
-class Cases:
-    """Polynomials that must all exceed ``t‖z̄‖²`` wherever every polynomial of the domain is nonnegative."""
-
-    polynomials: tuple[sympy.Poly, ...]
-    domain: tuple[sympy.Poly, ...] = ()
 
 
 def judge(V0: sympy.Expr, dynamics: ZeroDynamics) -> Accepted | Refused:
@@ -153,67 +140,17 @@ def _by_sums_of_squares(
     V0: sympy.Expr, derivative: sympy.Expr, dynamics: ZeroDynamics, P: Matrix | None
 ) -> Accepted | Refused:
     states = dynamics.agent.zero_states
-    kappa = _largest_proved(Cases((sympy.Poly(V0, *states),)), states)
+    kappa = largest_decay(Cases((sympy.Poly(V0, *states),)), states)
     if kappa is None:
         return Refused("unknown", "V0 ≥ κ‖z̄‖² with κ > 0 was not proved by a sum of squares")
     tried = []
-    for label, candidate in _forms(derivative, dynamics):
-        cases = _cases(candidate, dynamics)
-        if isinstance(cases, str):
-            tried.append(f"{label}: {cases}")
+    for label, candidate in forms(derivative, dynamics):
+        found = cases(candidate, dynamics)
+        if isinstance(found, str):
+            tried.append(f"{label}: {found}")
             continue
-        a0 = _largest_proved(cases, states)
+        a0 = largest_decay(found, states)
         if a0 is not None:
             return Accepted(V0, a0, P, f"sum of squares, {label}; V0 ≥ {kappa}‖z̄‖²")
         tried.append(f"{label}: no sum of squares was proved")
     return Refused("unknown", f"the decay of V0 was not proved ({'; '.join(tried)})", {"tried": tried})
-
-
-def _forms(derivative: sympy.Expr, dynamics: ZeroDynamics) -> list[tuple[str, sympy.Expr]]:
-    """The derivative for every ``ζ`` (which is more than needed), then for ``ζ = z*(s*, v, w)``."""
-    if not derivative.free_symbols & set(dynamics.base):
-        return [("for all z̄", derivative)]
-    forms = [("around every point", derivative)]
-    if dynamics.base_values is not None:
-        at_base = dict(zip(dynamics.base, dynamics.base_values, strict=True))
-        forms.append(("around z*", sympy.expand(derivative.xreplace(at_base))))
-    return forms
-
-
-def _cases(derivative: sympy.Expr, dynamics: ZeroDynamics) -> Cases | str:
-    """``−V̇0`` at the corners of ``W``, but a parameter in which it is not affine stays, bounded by its interval."""
-    agent = dynamics.agent
-    gens = tuple(sorted(derivative.free_symbols | set(agent.zero_states), key=str))
-    if not derivative.is_polynomial(*gens):
-        return "the derivative is not a polynomial"
-    polynomial = sympy.Poly(-derivative, *gens)
-    if not (polynomial.domain.is_ZZ or polynomial.domain.is_QQ):
-        return "the derivative has coefficients that are not rational"
-    box = {name: end for name, end in zip(agent.parameters, agent.parameter_box, strict=True) if name in gens}
-    affine = [name for name in box if polynomial.degree(name) <= 1]
-    points = corners(agent, sympy.ImmutableMatrix([affine]))
-    if points is None:
-        return "W has too many corners"
-    rest = tuple(name for name in gens if name not in affine)
-    domain = tuple(
-        sympy.Poly((name - as_rational(end.lo)) * (as_rational(end.hi) - name), *rest)
-        for name, end in box.items()
-        if name not in affine
-    )
-    return Cases(tuple(sympy.Poly((-derivative).xreplace(dict(point)), *rest) for point in points), domain)
-
-
-def _largest_proved(cases: Cases, states: tuple[sympy.Symbol, ...]) -> Fraction | None:
-    """A proved ``t > 0``, close to the largest, with ``p − t‖z̄‖² ≥ 0`` by sums of squares for every ``p``; or None."""
-    gens = cases.polynomials[0].gens
-    square = sympy.Poly(sum(name**2 for name in states), *gens)
-    estimates = [largest_multiple(p, square, cases.domain, states) for p in cases.polynomials]
-    if any(estimate is None or estimate <= 0 for estimate in estimates):
-        return None
-    best = Fraction(min(estimate for estimate in estimates if estimate is not None))
-    for factor in _SHRINK:
-        t = round_down(best * factor, _SHORT_BITS)
-        shifted = [p - square * as_rational(t) for p in cases.polynomials]
-        if not any(isinstance(prove_nonnegative(p, cases.domain, states), NoProof) for p in shifted):
-            return t
-    return None

@@ -12,7 +12,8 @@ from fractions import Fraction
 from functools import cmp_to_key
 
 from certify.bounds import intervals
-from certify.bounds.monomials import ONE, Monomial, TailTooShort
+from certify.bounds.derivatives import power_derivative
+from certify.bounds.monomials import ONE, Monomial
 from symbolic.plant import Interval
 
 MAX_TERMS = 8
@@ -107,7 +108,7 @@ class Expansion:
         monomial, coefficient, u = self.normalised()
         if p.denominator > 1 and coefficient.hi < 0:
             raise TailUnknown("a root of a negative number")
-        series = u.taylor(Fraction(1), lambda k, x: _power_derivative(p, k, x))
+        series = u.taylor(Fraction(1), lambda k, x: power_derivative(p, k, x))
         return series.scaled(intervals.power(coefficient, p), monomial.raised(p))
 
     def taylor(self, centre: Fraction, derivatives: Derivatives) -> Expansion:
@@ -136,14 +137,3 @@ def _faster_first(left: tuple[Monomial, Interval], right: tuple[Monomial, Interv
 def _times_decaying(coefficient: Interval, supremum: Fraction) -> Interval:
     """All of ``c·m`` for ``c`` in the interval and ``m ∈ (0, supremum]``."""
     return intervals.multiply(coefficient, Interval(Fraction(0), supremum))
-
-
-def _power_derivative(p: Fraction, k: int, x: Interval) -> Interval:
-    factor = Fraction(1)
-    for j in range(k):
-        factor *= p - j
-    if factor == 0:
-        return intervals.ZERO
-    if x.lo <= 0:
-        raise TailTooShort("the binomial series needs a later start")
-    return intervals.multiply(intervals.point(factor), intervals.power(x, p - k))

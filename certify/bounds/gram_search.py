@@ -1,4 +1,7 @@
-"""The numerical search for Gram matrices; its results are floats and prove nothing (``sums_of_squares`` does)."""
+"""The numerical search for Gram matrices; its results are floats and prove nothing (``sums_of_squares`` does).
+
+The coefficients given are of size one; whoever calls has scaled them.
+"""
 
 from __future__ import annotations
 
@@ -8,31 +11,27 @@ from fractions import Fraction
 import cvxpy
 import numpy as np
 
+from certify.bounds.gram import Coefficients, Monomial
 from certify.inequalities.semidefinite import solve
 
 _LARGEST_MULTIPLE = 1e6
 _NEGLIGIBLE = 1e-6
-
-Monomial = tuple[int, ...]
-Coefficients = dict[Monomial, Fraction]
 
 
 def search_gram(
     target: Coefficients, constraints: Sequence[Coefficients], bases: Sequence[Sequence[Monomial]]
 ) -> list[np.ndarray] | str:
     """Gram matrices of the main part and the multipliers, as far inside the cone as they go; or why there are none."""
-    size = float(max(map(abs, target.values())))
     grams = _gram_variables(bases)
     margin = cvxpy.Variable()
     inside = [gram - margin * np.eye(gram.shape[0]) >> 0 for gram in grams if gram.shape[0]]
-    scaled = {m: float(c) / size for m, c in target.items()}
-    equations = _matching(scaled, {}, None, constraints, bases, grams)
+    equations = _matching(_floats(target), {}, None, constraints, bases, grams)
     outcome = solve(cvxpy.Problem(cvxpy.Maximize(margin), [*inside, *equations, margin <= 1]))
     if not outcome.has_values:
         return f"no Gram matrix was found: {outcome.reason}"
     if outcome.objective is not None and outcome.objective < -_NEGLIGIBLE:
         return "every Gram matrix the solver sees has a negative eigenvalue: probably not a sum of squares"
-    return [size * np.asarray(gram.value) if gram.shape[0] else np.zeros((0, 0)) for gram in grams]
+    return [np.asarray(gram.value) if gram.shape[0] else np.zeros((0, 0)) for gram in grams]
 
 
 def search_multiple(
@@ -42,14 +41,16 @@ def search_multiple(
     bases: Sequence[Sequence[Monomial]],
 ) -> float | None:
     """An estimate of the largest ``t`` with ``target − t·subtracted`` a sum of squares on the domain."""
-    size = float(max(map(abs, target.values()), default=Fraction(1)))
     grams = _gram_variables(bases)
     multiple = cvxpy.Variable()
-    scaled = {m: float(c) / size for m, c in target.items()}
-    equations = _matching(scaled, {m: float(c) for m, c in subtracted.items()}, multiple, constraints, bases, grams)
+    equations = _matching(_floats(target), _floats(subtracted), multiple, constraints, bases, grams)
     cones = [gram >> 0 for gram in grams if gram.shape[0]]
-    outcome = solve(cvxpy.Problem(cvxpy.Maximize(multiple), [*cones, *equations, multiple <= _LARGEST_MULTIPLE / size]))
-    return None if outcome.objective is None else size * outcome.objective
+    outcome = solve(cvxpy.Problem(cvxpy.Maximize(multiple), [*cones, *equations, multiple <= _LARGEST_MULTIPLE]))
+    return outcome.objective
+
+
+def _floats(coefficients: Coefficients) -> dict[Monomial, float]:
+    return {m: float(c) for m, c in coefficients.items()}
 
 
 def _gram_variables(bases: Sequence[Sequence[Monomial]]) -> list[cvxpy.Variable]:

@@ -13,24 +13,23 @@ from itertools import product
 
 import sympy
 
-from certify.inequalities.exact_psd import PositiveSemidefinite, prove_positive_semidefinite
-from certify.inequalities.matrices import FloatMatrix, Matrix
+from certify.bounds.gram import (
+    Basis,
+    Coefficients,
+    Gram,
+    Monomial,
+    expansion,
+    is_semidefinite,
+    plus,
+    projected,
+    short_matrix,
+    times,
+)
+from certify.inequalities.matrices import FloatMatrix, scale
 from symbolic.constants import as_fraction, as_rational
 
 MAX_BASIS = 120
 _ROUNDING_BITS = (12, 20, 30, 40)
-
-Monomial = tuple[int, ...]
-Basis = tuple[Monomial, ...]
-Coefficients = dict[Monomial, Fraction]
-
-
-@dataclass(frozen=True)
-class Gram:
-    """The polynomial ``m(x)ᵀ G m(x)``, ``G ⪰ 0`` proved; ``basis`` holds the exponents of the monomials ``m``."""
-
-    basis: Basis
-    matrix: Matrix
 
 
 @dataclass(frozen=True)
@@ -57,10 +56,10 @@ def prove_nonnegative(
     leaving the other monomials out keeps the Gram matrices away from the boundary of the cone.
     ``p`` and ``domain`` have rational coefficients and the same generators. Raises ValueError otherwise.
     """
-    target = coefficients(p)
-    constraints = [coefficients(g) for g in domain]
     if any(g.gens != p.gens for g in domain):
         raise ValueError("the polynomials must have the same generators")
+    target, size = _scaled(coefficients(p))
+    constraints, sizes = zip(*(_scaled(coefficients(g)) for g in domain), strict=True) if domain else ((), ())
     if not target:
         return NonnegativityProof(Gram((), ()), tuple(Gram((), ()) for _ in constraints))
     bases = _bases(target, constraints, p.gens, vanishing)
@@ -74,7 +73,8 @@ def prove_nonnegative(
     for bits in _ROUNDING_BITS:
         proof = _rounded(target, constraints, bases, found, bits)
         if proof is not None:
-            return proof
+            multipliers = (_times(size / unit, gram) for unit, gram in zip(sizes, proof.multipliers, strict=True))
+            return NonnegativityProof(_times(size, proof.main), tuple(multipliers))
     return NoProof(
         "no rounding of the solver's Gram matrix is positive semidefinite; it may be only semidefinite itself"
     )
@@ -82,16 +82,28 @@ def prove_nonnegative(
 
 def largest_multiple(
     p: sympy.Poly, q: sympy.Poly, domain: Sequence[sympy.Poly] = (), vanishing: Sequence[sympy.Symbol] = ()
-) -> float | None:
-    """An estimate of the largest ``t ≤ 10^6`` with ``p − t q`` a sum of squares on the domain; None without one."""
-    target, subtracted = coefficients(p), coefficients(q)
-    constraints = [coefficients(g) for g in domain]
+) -> Fraction | None:
+    """An estimate of the largest ``t`` with ``p − t q`` a sum of squares on the domain; None when none is seen."""
+    target, size = _scaled(coefficients(p))
+    subtracted, unit = _scaled(coefficients(q))
+    constraints = [_scaled(coefficients(g))[0] for g in domain]
     bases = _bases({**target, **subtracted}, constraints, p.gens, vanishing)
     if isinstance(bases, NoProof):
         return None
     from certify.bounds.gram_search import search_multiple
 
-    return search_multiple(target, subtracted, constraints, bases)
+    found = search_multiple(target, subtracted, constraints, bases)
+    return None if found is None else Fraction(found) * size / unit
+
+
+def _scaled(values: Coefficients) -> tuple[Coefficients, Fraction]:
+    """The coefficients over the largest one, and that."""
+    size = max(map(abs, values.values()), default=Fraction(1))
+    return {m: c / size for m, c in values.items()}, size
+
+
+def _times(factor: Fraction, gram: Gram) -> Gram:
+    return Gram(gram.basis, scale(factor, gram.matrix))
 
 
 def coefficients(p: sympy.Poly) -> Coefficients:
@@ -104,28 +116,6 @@ def coefficients(p: sympy.Poly) -> Coefficients:
 def polynomial(gram: Gram, gens: Sequence[sympy.Symbol]) -> sympy.Poly:
     """``m(x)ᵀ G m(x)`` as a polynomial."""
     return sympy.Poly({m: as_rational(c) for m, c in expansion(gram).items()} or 0, *gens, domain="QQ")
-
-
-def expansion(gram: Gram) -> Coefficients:
-    """The coefficients of ``m(x)ᵀ G m(x)``."""
-    total: Coefficients = {}
-    for i, left in enumerate(gram.basis):
-        for j, right in enumerate(gram.basis):
-            monomial = plus(left, right)
-            total[monomial] = total.get(monomial, Fraction(0)) + gram.matrix[i][j]
-    return {m: c for m, c in total.items() if c}
-
-
-def plus(left: Monomial, right: Monomial) -> Monomial:
-    return tuple(a + b for a, b in zip(left, right, strict=True))
-
-
-def times(left: Coefficients, right: Coefficients) -> Coefficients:
-    total: Coefficients = {}
-    for m, c in left.items():
-        for n, d in right.items():
-            total[plus(m, n)] = total.get(plus(m, n), Fraction(0)) + c * d
-    return total
 
 
 def _bases(
@@ -183,43 +173,11 @@ def _rounded(
     multipliers = []
     rest = dict(target)
     for g, basis, values in zip(constraints, bases[1:], found[1:], strict=True):
-        gram = Gram(basis, _short(values, bits))
+        gram = Gram(basis, short_matrix(values, bits))
         multipliers.append(gram)
         for m, c in times(expansion(gram), g).items():
             rest[m] = rest.get(m, Fraction(0)) - c
-    main = _projected(Gram(bases[0], _short(found[0], bits)), rest)
-    if main is None or not all(_is_semidefinite(gram) for gram in (main, *multipliers)):
+    main = projected(Gram(bases[0], short_matrix(found[0], bits)), rest)
+    if main is None or not all(is_semidefinite(gram) for gram in (main, *multipliers)):
         return None
     return NonnegativityProof(main, tuple(multipliers))
-
-
-def _short(values: FloatMatrix, bits: int) -> Matrix:
-    size = len(values)
-    largest = max((abs(float(entry)) for row in values for entry in row), default=0.0)
-    if largest == 0:
-        return tuple((Fraction(0),) * size for _ in range(size))
-    unit = Fraction(2) ** (Fraction(largest).numerator.bit_length() - Fraction(largest).denominator.bit_length() - bits)
-    rounded = [[round(Fraction(float(entry)) / unit) * unit for entry in row] for row in values]
-    return tuple(tuple((rounded[i][j] + rounded[j][i]) / 2 for j in range(size)) for i in range(size))
-
-
-def _projected(gram: Gram, target: Coefficients) -> Gram | None:
-    """The nearest matrix with exactly the target's coefficients: entries that make a monomial share its defect."""
-    places: dict[Monomial, list[tuple[int, int]]] = {}
-    for i, left in enumerate(gram.basis):
-        for j, right in enumerate(gram.basis):
-            places.setdefault(plus(left, right), []).append((i, j))
-    if any(c and m not in places for m, c in target.items()):
-        return None
-    entries = [list(row) for row in gram.matrix]
-    for monomial, where in places.items():
-        defect = target.get(monomial, Fraction(0)) - sum((entries[i][j] for i, j in where), Fraction(0))
-        for i, j in where:
-            entries[i][j] += defect / len(where)
-    projected = Gram(gram.basis, tuple(map(tuple, entries)))
-    wanted = {m: c for m, c in target.items() if c}
-    return projected if expansion(projected) == wanted else None
-
-
-def _is_semidefinite(gram: Gram) -> bool:
-    return not gram.basis or isinstance(prove_positive_semidefinite(gram.matrix), PositiveSemidefinite)

@@ -15,10 +15,10 @@ import sympy
 from flint import arb
 
 from certify.bounds import intervals
-from certify.bounds.balls import NonFiniteError, lower, to_ends, to_interval, upper
+from certify.bounds.balls import NonFiniteError, to_interval
+from certify.bounds.derivatives import atan_derivative, log_derivative, sine_derivative
 from certify.bounds.expansion import Expansion, TailUnknown
 from certify.bounds.monomials import LOG, ONE, Monomial, S, TailTooShort
-from certify.bounds.ranges import cosine, sine
 from symbolic.constants import as_fraction, enclose
 from symbolic.plant import Interval
 
@@ -143,13 +143,13 @@ class _Expander:
         terms = [(Monomial(power=k), intervals.point(c)) for k, c in monomial.exponent]
         terms.append((LOG, intervals.point(monomial.power)))
         terms.append((ONE, intervals.increasing(arb.log, coefficient)))
-        return Expansion.of(terms, self.start) + u.taylor(Fraction(1), _log_derivative)
+        return Expansion.of(terms, self.start) + u.taylor(Fraction(1), log_derivative)
 
     def sin(self, f: Expansion) -> Expansion:
-        return self._oscillating(f, _sine_derivative)
+        return self._oscillating(f, sine_derivative)
 
     def cos(self, f: Expansion) -> Expansion:
-        return self._oscillating(f, lambda k, x: _sine_derivative(k + 1, x))
+        return self._oscillating(f, lambda k, x: sine_derivative(k + 1, x))
 
     def _oscillating(self, f: Expansion, derivatives: Callable[[int, Interval], Interval]) -> Expansion:
         growing, constant, small = f.split()
@@ -177,10 +177,10 @@ class _Expander:
         if growing:
             toward = intervals.sign(f.dominant[1])
             right_angle = to_interval(arb.pi() / 2)
-            rest = f.raised(Fraction(-1)).taylor(Fraction(0), _atan_derivative).scaled(intervals.point(-1))
+            rest = f.raised(Fraction(-1)).taylor(Fraction(0), atan_derivative).scaled(intervals.point(-1))
             return self._constant(intervals.multiply(right_angle, intervals.point(toward))) + rest
         if constant == intervals.ZERO:
-            return small.taylor(Fraction(0), _atan_derivative)
+            return small.taylor(Fraction(0), atan_derivative)
         return self._constant(intervals.increasing(arb.atan, _range_of(f)))
 
     def cosh(self, f: Expansion) -> Expansion:
@@ -223,42 +223,3 @@ def _range_of(f: Expansion) -> Interval:
     if found is None:
         raise TailUnknown("an argument that grows")
     return found
-
-
-def _log_derivative(k: int, x: Interval) -> Interval:
-    if x.lo <= 0:
-        raise TailTooShort("the series of the logarithm needs a later start")
-    if k == 0:
-        return intervals.ZERO if x == intervals.ONE else intervals.increasing(arb.log, x)
-    factor = Fraction(1)
-    for j in range(1, k):
-        factor *= -j
-    return intervals.multiply(intervals.point(factor), intervals.power(x, Fraction(-k)))
-
-
-def _sine_derivative(k: int, x: Interval) -> Interval:
-    """The ``k``-th derivative of the sine."""
-    if x == intervals.ZERO:
-        return intervals.point((0, 1, 0, -1)[k % 4])
-    ends = to_ends(x)
-    found = (sine if k % 2 == 0 else cosine)(ends) if ends is not None else None
-    if found is None:
-        raise NonFiniteError("an angle that is too large")
-    value = Interval(lower(found[0]), upper(found[1]))
-    return value if k % 4 < 2 else intervals.negate(value)
-
-
-def _atan_derivative(k: int, x: Interval) -> Interval:
-    """Enclosures of ``atan`` and its first three derivatives near zero; exact at zero."""
-    square = intervals.power(x, Fraction(2))
-    inverse = intervals.power(intervals.add(intervals.ONE, square), Fraction(-1))
-    if k == 0:
-        return intervals.ZERO if x == intervals.ZERO else intervals.increasing(arb.atan, x)
-    if k == 1:
-        return inverse
-    if k == 2:
-        return intervals.multiply(intervals.multiply(intervals.point(-2), x), intervals.power(inverse, Fraction(2)))
-    if k == 3:
-        numerator = intervals.add(intervals.multiply(intervals.point(6), square), intervals.point(-2))
-        return intervals.multiply(numerator, intervals.power(inverse, Fraction(3)))
-    raise ValueError(f"the derivative of order {k} is not needed")

@@ -14,7 +14,7 @@ from certify.bounds.balls import PRECISION, NonFiniteError, to_arb, upper
 from certify.bounds.expansion import TailUnknown
 from certify.bounds.suprema import Bound, lower_bound, upper_bound
 from certify.bounds.tails import START, Tail, tail
-from symbolic.constants import as_fraction
+from symbolic.constants import as_fraction, as_rational
 from symbolic.plant import Interval
 
 LATEST_CUT = Fraction(1 << 12)
@@ -161,4 +161,4 @@ def _period(f: sympy.Expr, variable: sympy.Symbol) -> Fraction | None:
 
 
 def _short(value: Fraction) -> str:
-    return str(value) if value.denominator == 1 else f"{float(value):.6g}"
+    return str(value) if value.denominator == 1 else str(sympy.Float(as_rational(value), 6))
