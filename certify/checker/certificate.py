@@ -18,15 +18,24 @@ from certify.checker.linear import Matrix
 from certify.checker.verdict import Malformed
 
 SCHEMA = "consensus-certificate/1"
-THEOREM = "recipe/1"
 MAX_BYTES = 16 << 20
 MAX_DIGITS = 4_000
 MAX_ENTRIES = 512
 MAX_TEXT = 10_000
 MAX_INTEGER = 1_000_000
+MAX_GRID = 5_000
+MAX_STATES = 64
+MAX_RATES = 16
 
 Row = tuple[Fraction, ...]
 Texts = tuple[str, ...]
+Count = int  # 0 included
+Modes = Matrix
+Blocks = tuple[int, ...]
+Rates = Row
+Kernels = tuple[tuple[Rates, ...], ...]
+Grid = Row
+Boxes = Matrix
 T = TypeVar("T")
 _NUMBER = re.compile(r"(0|-?[1-9][0-9]*)(?:/([1-9][0-9]*))?")
 
@@ -105,12 +114,74 @@ class Witness:
 
 
 @dataclass(frozen=True)
+class NominalSlopes:
+    """Of ``f0`` in ``(z, x1)``, of ``f1`` in ``(z, x)``, and the input gain."""
+
+    f0: Matrix
+    f1: Row
+    b: Fraction
+
+
+@dataclass(frozen=True)
+class FirstPhase:
+    """``steps`` equal steps up to the time ``duration``."""
+
+    duration: Fraction
+    steps: Count
+
+
+@dataclass(frozen=True)
+class TubeTail:
+    """The magnitudes of the outputs at the end of the grid, and the rate at which they decay from then on."""
+
+    box: Row
+    rate: Fraction
+
+
+@dataclass(frozen=True)
+class DirectAgentWitness:
+    """Steady state, immersion, nominal loop, its modes and kernels, the tube and its tail; order 1 has no first phase.
+
+    ``kernels[i][j]`` are the coefficients of output ``i`` and column ``j``, one per rate; ``boxes[k]`` are the
+    magnitudes of the outputs from ``grid[k]`` to ``grid[k + 1]``.
+    """
+
+    id: int
+    steady_state: Texts
+    ell: Row
+    nominal: NominalSlopes
+    modes: Modes
+    blocks: Blocks
+    rates: Rates
+    kernels: Kernels
+    observer_norm: Matrix
+    observer_rate: Fraction | None
+    phase1: FirstPhase | None
+    grid: Grid
+    boxes: Boxes
+    tail: TubeTail
+
+
+@dataclass(frozen=True)
+class DirectWitness:
+    """What the checker needs to be told for the theorem direct/1."""
+
+    optimum: Row
+    exosystem: Exosystem | None
+    coordinator: CoordinatorWitness
+    agents: tuple[DirectAgentWitness, ...]
+
+
+@dataclass(frozen=True)
 class Certificate:
-    """A claim, its digest, and its witnesses."""
+    """A claim, its digest, and its witnesses, whose kind says which theorem they are for."""
 
     claim_sha256: str
     claim: Claim
-    witness: Witness
+    witness: Witness | DirectWitness
+
+
+_WITNESSES: dict[str, type[Witness] | type[DirectWitness]] = {"recipe/1": Witness, "direct/1": DirectWitness}
 
 
 def read_certificate(data: bytes) -> Certificate:
@@ -125,14 +196,14 @@ def read_certificate(data: bytes) -> Certificate:
     if canonical.encode("ascii") != data:
         raise Malformed("the certificate is not canonical JSON")
     _keys(root, {"schema", "theorem", "producer", "claim", "witness"})
-    if (root["schema"], root["theorem"]) != (SCHEMA, THEOREM):
-        raise Malformed(f"this checker reads {SCHEMA} with the theorem {THEOREM}")
+    if root["schema"] != SCHEMA or root["theorem"] not in list(_WITNESSES):
+        raise Malformed(f"this checker reads {SCHEMA} with one of the theorems {', '.join(_WITNESSES)}")
     if not isinstance(root["producer"], dict) or len(root["producer"]) > 32:
         raise Malformed("the producer is a table of at most 32 entries")
     for text in root["producer"].values():
         _text(text)
     digest = hashlib.sha256(_canonical(root["claim"]).encode("ascii")).hexdigest()
-    return Certificate(digest, _table(Claim, root["claim"]), _table(Witness, root["witness"]))
+    return Certificate(digest, _table(Claim, root["claim"]), _table(_WITNESSES[root["theorem"]], root["witness"]))
 
 
 def _table(kind: type[T], value: Any) -> T:
@@ -147,9 +218,9 @@ def _keys(value: Any, keys: set[str]) -> None:
         raise Malformed(f"a table with exactly the keys {', '.join(sorted(keys))} is needed")
 
 
-def _list(value: Any) -> list[Any]:
-    if not isinstance(value, list) or len(value) > MAX_ENTRIES:
-        raise Malformed(f"a list of at most {MAX_ENTRIES} entries is needed")
+def _list(value: Any, most: int = MAX_ENTRIES) -> list[Any]:
+    if not isinstance(value, list) or len(value) > most:
+        raise Malformed(f"a list of at most {most} entries is needed")
     return value
 
 
@@ -169,19 +240,23 @@ def _number(value: Any) -> Fraction:
     return Fraction(p, q)
 
 
-def _integer(value: Any) -> int:
+def _integer(value: Any, least: int = 1, most: int = MAX_INTEGER) -> int:
     number = _number(value)
-    if number.denominator != 1 or not 1 <= number <= MAX_INTEGER:
-        raise Malformed(f"an integer from 1 to {MAX_INTEGER} is needed")
+    if number.denominator != 1 or not least <= number <= most:
+        raise Malformed(f"an integer from {least} to {most} is needed")
     return int(number)
 
 
-def _row(value: Any) -> Row:
-    return tuple(map(_number, _list(value)))
+def _row(value: Any, most: int = MAX_ENTRIES) -> Row:
+    return tuple(map(_number, _list(value, most)))
 
 
-def _matrix(value: Any) -> Matrix:
-    rows = list(map(_row, _list(value)))
+def _rates(value: Any) -> Row:
+    return _row(value, MAX_RATES)
+
+
+def _matrix(value: Any, most: int = MAX_ENTRIES) -> Matrix:
+    rows = list(map(_row, _list(value, most)))
     if any(len(row) != len(rows[0]) for row in rows):
         raise Malformed("the rows of a matrix differ in length")
     return rows
@@ -206,5 +281,16 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "Exosystem | None": lambda value: None if value is None else _table(Exosystem, value),
     "CoordinatorWitness": lambda value: _table(CoordinatorWitness, value),
     "tuple[AgentClaim, ...]": lambda value: tuple(_table(AgentClaim, entry) for entry in _list(value)),
+    "tuple[DirectAgentWitness, ...]": lambda value: tuple(_table(DirectAgentWitness, entry) for entry in _list(value)),
+    "NominalSlopes": lambda value: _table(NominalSlopes, value),
+    "Modes": lambda value: _matrix(value, MAX_STATES),
+    "Blocks": lambda value: tuple(_integer(entry, 1, 2) for entry in _list(value, MAX_STATES)),
+    "Rates": _rates,
+    "Kernels": lambda value: tuple(tuple(map(_rates, _list(columns))) for columns in _list(value)),
+    "FirstPhase | None": lambda value: None if value is None else _table(FirstPhase, value),
+    "Count": lambda value: _integer(value, 0, MAX_GRID),
+    "Grid": lambda value: _row(value, MAX_GRID + 1),
+    "Boxes": lambda value: _matrix(value, MAX_GRID),
+    "TubeTail": lambda value: _table(TubeTail, value),
     "tuple[AgentWitness, ...]": lambda value: tuple(_table(AgentWitness, entry) for entry in _list(value)),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from certify.checker.certificate import AgentClaim, Certificate, Claim, Witness, read_certificate
+from certify.checker.certificate import AgentClaim, Certificate, Claim, DirectWitness, Witness, read_certificate
 from certify.checker.plant import Agent, Plant, read_plant
 from certify.checker.rules import agent_recipe, assumptions, coordinator
 from certify.checker.verdict import STEPS, Malformed, Rejected, Undecided, Verdict, require, start_meter
@@ -31,7 +31,14 @@ def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
 
 def _prove(plant: Plant, certificate: Certificate) -> None:
     _bind(plant, certificate.claim, certificate.witness)
-    designs = list(zip(plant.agents, certificate.claim.agents, certificate.witness.agents, strict=True))
+    if isinstance(certificate.witness, DirectWitness):
+        _prove_direct(plant, certificate, certificate.witness)
+    else:
+        _prove_recipe(plant, certificate, certificate.witness)
+
+
+def _prove_recipe(plant: Plant, certificate: Certificate, witness: Witness) -> None:
+    designs = list(zip(plant.agents, certificate.claim.agents, witness.agents, strict=True))
     for design in designs:
         agent_recipe.prove_design(*design)
     facts = assumptions.prove(plant, certificate)
@@ -40,7 +47,20 @@ def _prove(plant: Plant, certificate: Certificate) -> None:
         agent_recipe.prove_levels(*design, envelope, known, facts)
 
 
-def _bind(plant: Plant, claim: Claim, witness: Witness) -> None:
+def _prove_direct(plant: Plant, certificate: Certificate, witness: DirectWitness) -> None:
+    from certify.checker.rules import agent_direct  # lazily: recipe/1 is checked without python-flint
+
+    designs = list(zip(plant.agents, certificate.claim.agents, witness.agents, strict=True))
+    for design in designs:
+        agent_direct.prove_design(*design)
+    facts = assumptions.prove(plant, certificate)
+    exosystem = agent_direct.Exosystem(plant.S or [], facts.v_at_start, facts.v)
+    envelopes = coordinator.prove(plant, certificate, facts)
+    for design, envelope, known in zip(designs, envelopes, facts.agents, strict=True):
+        agent_direct.prove_tube(*design, envelope.reference, exosystem, known)
+
+
+def _bind(plant: Plant, claim: Claim, witness: Witness | DirectWitness) -> None:
     """The claim is about this plant file, about all its agents in their order, and keeps what the file fixes."""
     require(claim.plant_sha256 == plant.sha256, "plant_sha256: the certificate is for another plant file")
     ids = [agent.id for agent in plant.agents]

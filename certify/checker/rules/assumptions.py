@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 
 from certify.checker import functions, linear
-from certify.checker.certificate import AgentClaim, AgentWitness, Certificate
+from certify.checker.certificate import AgentClaim, AgentWitness, Certificate, DirectAgentWitness
 from certify.checker.expressions import Name, Node, evaluate, names_in, parse
 from certify.checker.intervals import Interval, between, enclose, quadratic_bound, symmetric
 from certify.checker.linear import Matrix
@@ -55,10 +55,10 @@ def prove(plant: Plant, certificate: Certificate) -> Facts:
     lo, hi = certificate.witness.optimum
     slopes = prove_optimum(costs, lo, hi)
     v = _exosystem(plant, certificate)
+    witnesses: Sequence[AgentWitness | DirectAgentWitness] = certificate.witness.agents
     agents = tuple(
         _AgentProof(plant, agent, claim, witness, (lo, hi), v).prove()
-        for agent, claim, witness in zip(
-            plant.agents, certificate.claim.agents, certificate.witness.agents, strict=True))
+        for agent, claim, witness in zip(plant.agents, certificate.claim.agents, witnesses, strict=True))
     v_at_start = {name: between(*box) for name, box in plant.exosystem.items()}
     return Facts(r, costs, between(lo, hi), slopes, v, v_at_start, agents)
 
@@ -107,7 +107,7 @@ def _exosystem(plant: Plant, certificate: Certificate) -> dict[str, Interval]:
 class _AgentProof:
     """A0, A3, A5 of one agent, as identities between rational functions of ``s, v, w``."""
 
-    def __init__(self, plant: Plant, agent: Agent, claim: AgentClaim, witness: AgentWitness,
+    def __init__(self, plant: Plant, agent: Agent, claim: AgentClaim, witness: AgentWitness | DirectAgentWitness,
                  optimum: tuple[Fraction, Fraction], v: Mapping[str, Interval]) -> None:
         self.agent, self.claim, self.witness, self.v = agent, claim, witness, v
         self.point = optimum[0] if optimum[0] == optimum[1] else None

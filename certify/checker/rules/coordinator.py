@@ -14,6 +14,7 @@ from certify.checker.linear import Matrix
 from certify.checker.plant import Plant
 from certify.checker.rules.assumptions import Facts
 from certify.checker.rules.mixing import SCALE, UNIT, Mixing, dot, fixed_down, fixed_up, point
+from certify.checker.rules.reference import Reference, Step
 from certify.checker.rules.trajectory import Segment, Stepper
 from certify.checker.verdict import Malformed, obligation, require, spend
 
@@ -22,11 +23,15 @@ DAMPING_BITS = 64
 
 @dataclass(frozen=True)
 class AgentEnvelope:
-    """``|y_i^r − s*| ≤ peak`` for ever, ``∫ (y_i^r − s*)² ≤ energy``, ``∫ (ẏ_i^r)² ≤ speed_energy``; each a point."""
+    """``|y_i^r − s*| ≤ peak`` for ever, ``∫ (y_i^r − s*)² ≤ energy``, ``∫ (ẏ_i^r)² ≤ speed_energy``; each a point.
+
+    ``reference`` is what they come from, step by step.
+    """
 
     peak: Interval
     energy: Interval
     speed_energy: Interval
+    reference: Reference
 
 
 def prove(plant: Plant, certificate: Certificate, facts: Facts) -> tuple[AgentEnvelope, ...]:
@@ -48,15 +53,6 @@ class Norm:
     def __call__(self, sizes: Sequence[int]) -> int:
         square = sum(size * dot(row, sizes) for size, row in zip(sizes, self.weights, strict=True))
         return isqrt(square >> SCALE) + 1
-
-
-@dataclass
-class _Sums:
-    """Largest ``|ỹ|`` so far, sum of its squares over the steps, and that of ``|ẏ^r|``, in units."""
-
-    peak: int = 0
-    squares: int = 0
-    speeds: int = 0
 
 
 class _Coordinator:
@@ -133,36 +129,36 @@ class _Coordinator:
         consensus, feedback = ([[a * self.step * entry for entry in row] for row in matrix]
                                for a, matrix in ((self.a1, self.L), (self.a2, self.B)))
         stepper = Stepper(self.facts.costs, consensus, feedback, self.step)
-        mixing, sums = Mixing(self.L, self.step), [_Sums() for _ in range(self.size)]
+        mixing, steps = Mixing(self.L, self.step), [list[Step]() for _ in range(self.size)]
         y, omega = [floor((lo + hi) / 2 * UNIT) for lo, hi in self.boxes], [0] * (self.size - 1)
         radii = [max(ceil(hi * UNIT) - m, m - floor(lo * UNIT)) for (lo, hi), m in zip(self.boxes, y, strict=True)]
         w = self.norm(radii + omega)
         for lows in self.xi_lows:
             segment = stepper.advance(mixing, y, omega, lows)
             forced = self.norm(segment.defects) * self.rate.denominator // self.rate.numerator + 1
-            for i, entry in enumerate(sums):
-                self.add(entry, segment, i, kappa[i], nu[i], max(w, forced))
+            for i, found in enumerate(steps):
+                found.append(self.reach(segment, i, kappa[i], nu[i], max(w, forced)))
             w = max(e * w + (UNIT - e) * forced for e in factors) // UNIT + 1
             y, omega = [sum(poly) for poly in segment.y], [sum(poly) for poly in segment.omega]
             mixing.advance()
-        return self.tail(point(w), y, omega, sums)
+        return self.tail(point(w), y, omega, steps)
 
     def rows_of(self, i: int) -> list[Sequence[Fraction]]:
         """Row ``i`` of ``A(D)`` at both ends of ``D_i``."""
         return [self.system([ends[side] for ends in self.damping])[i] for side in (0, 1)]
 
-    def add(self, sums: _Sums, segment: Segment, i: int, kappa: int, nu: int, deviation: int) -> None:
+    def reach(self, segment: Segment, i: int, kappa: int, nu: int, deviation: int) -> Step:
         """``|ỹ_i| ≤ max|ŷ_i − s*| + κ_i W_k`` and ``|ẏ_i^r| ≤ max|ŷ_i'| + |ρ_i| + ν_i W_k`` on a step."""
         start, *rest = segment.y[i]
+        spread = (kappa * deviation >> SCALE) + 1
         gap = max(start - fixed_down(self.facts.optimum), fixed_up(self.facts.optimum) - start)
-        distance = gap + sum(map(abs, rest)) + (kappa * deviation >> SCALE) + 1
+        distance = gap + sum(map(abs, rest)) + spread
         climb = ceil(sum(j * abs(c) for j, c in enumerate(rest, 1)) / self.step)
         speed = climb + segment.defects[i] + (nu * deviation >> SCALE) + 1
-        sums.peak = max(sums.peak, distance)
-        sums.squares += distance * distance
-        sums.speeds += speed * speed
+        low, high = (start + sum(bound(c, 0) for c in rest) for bound in (min, max))
+        return Step(low - spread, high + spread, distance, speed)
 
-    def tail(self, w: Interval, y: list[int], omega: list[int], sums: list[_Sums]) -> tuple[AgentEnvelope, ...]:
+    def tail(self, w: Interval, y: list[int], omega: list[int], steps: list[list[Step]]) -> tuple[AgentEnvelope, ...]:
         """From ``T0`` on around the equilibrium: ``‖x‖_P ≤ M1 e^(−λ'(t−T0))``."""
         r, slopes, rate = self.r, self.facts.optimal_slopes, min(self.rate, self.mixing_rate) / 2
         forcing = []
@@ -176,10 +172,14 @@ class _Coordinator:
         forced = point(self.norm([fixed_up(entry) for entry in forcing] + [0] * (self.size - 1)))
         M1 = (w + gap + forced / (self.rate - rate)).upper
         result = []
-        for entry, kappa, nu, p in zip(sums, self.kappa, self.nu, forcing, strict=True):
-            squares, speeds = (self.step * Interval(n, n, -2 * SCALE) for n in (entry.squares, entry.speeds))
-            energy, speed_energy = squares + (kappa * M1) ** 2 / (2 * rate), speeds + (nu * M1 + p) ** 2 / (2 * rate)
-            result.append(AgentEnvelope(maximum(point(entry.peak), kappa * M1), energy.upper, speed_energy.upper))
+        for found, kappa, nu, p in zip(steps, self.kappa, self.nu, forcing, strict=True):
+            distance, speed = kappa * M1, nu * M1 + p
+            reference = Reference(self.facts.optimum, self.step, found, distance.upper, speed.upper, rate)
+            squares, speeds = (self.step * Interval(n, n, -2 * SCALE) for n in (
+                sum(step.distance**2 for step in found), sum(step.speed**2 for step in found)))
+            energy, speed_energy = squares + distance**2 / (2 * rate), speeds + speed**2 / (2 * rate)
+            peak = maximum(point(max(step.distance for step in found)), distance)
+            result.append(AgentEnvelope(peak, energy.upper, speed_energy.upper, reference))
         return tuple(result)
 
 

@@ -1,0 +1,105 @@
+"""What acts on one agent from outside, in time: the exosystem, the reference, and the steady state they imply.
+
+See "Time data" in section 3 of docs/certificate-direct.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from itertools import product
+
+from flint import arb_mat, fmpq
+
+from certify.checker import functions, linear
+from certify.checker.balls import BITS, exact, interval, precision
+from certify.checker.expressions import Name, Node, evaluate, names_in, parse
+from certify.checker.intervals import Interval, between, enclose, hull, symmetric, total
+from certify.checker.linear import Matrix
+from certify.checker.plant import Box
+from certify.checker.rules.reference import Range, Reference
+from certify.checker.verdict import Undecided, spend
+
+PARTS = {0: 1, 1: 8, 2: 4}  # of a parameter of z*, by how many there are
+MOST_CUT = 6  # parameters
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Enclosures of ``v``, ``y^r`` and ``z*`` during some time; ``|y^r − s*| ≤ distance``, ``|ẏ^r| ≤ speed``."""
+
+    v: Mapping[str, Interval]
+    steady_state: tuple[Interval, ...]
+    y: Interval
+    distance: Interval
+    speed: Interval
+
+
+class Exosystem:
+    """``v(t) ∈ e^(St) V0``, and ``|v_k(t)| ≤ v̂_k`` for all time."""
+
+    def __init__(self, S: Matrix, at_start: Mapping[str, Interval], forever: Mapping[str, Interval]) -> None:
+        self.S, self.at_start, self.forever = S, at_start, forever
+        sizes = [v.magnitude for v in forever.values()]
+        self.bend = [total(abs(entry) * size for entry, size in zip(row, sizes, strict=True)).upper
+                     for row in linear.product(self.S, self.S)] if self.S else []
+        self.at = lru_cache(maxsize=4)(self._at)
+
+    def _at(self, t: Fraction) -> list[Interval]:
+        spend(2_000 * (1 + len(self.S) ** 3))
+        with precision(BITS):
+            flow = arb_mat(exact(self.S) * fmpq(t.numerator, t.denominator)).exp().tolist()
+        v = self.at_start.values()
+        return [total(interval(entry) * start for entry, start in zip(row, v, strict=True)) for row in flow]
+
+    def during(self, start: Fraction, end: Fraction) -> dict[str, Interval]:
+        """Between its values at both ends, up to ``(end − start)²/8·|v''|``, ``v'' = S²v``."""
+        if not self.S:
+            return {}
+        result = {}
+        rows = zip(self.forever.items(), self.at(start), self.at(end), self.bend, strict=True)
+        for (name, limit), a, b, bend in rows:
+            chord = hull(a, b) + symmetric((end - start) ** 2 / 8 * bend)
+            lo, hi = max(chord.lo, limit.lo), min(chord.hi, limit.hi)
+            if lo > hi:
+                raise Undecided(f"two enclosures of {name} have nothing in common")
+            result[name] = between(lo, hi)
+        return result
+
+
+class Outside:
+    """The surroundings of one agent, as functions of time."""
+
+    def __init__(self, exosystem: Exosystem, reference: Reference, steady_state: Sequence[str],
+                 parameters: Mapping[str, Box]) -> None:
+        self.exosystem, self.reference = exosystem, reference
+        self.w = {name: between(*box) for name, box in parameters.items()}
+        names = {name: Name(name) for name in ("s", *exosystem.forever, *self.w)}
+        nodes = [parse(text, names) for text in steady_state]
+        self.pieces = [(node, _pieces(node, parameters)) for node in nodes]
+
+    def during(self, start: Fraction, end: Fraction) -> Surroundings:
+        return self._around(self.exosystem.during(start, end), self.reference.during(start, end))
+
+    def in_tail(self) -> Surroundings:
+        return self._around(self.exosystem.forever, self.reference.tail())
+
+    def _around(self, v: Mapping[str, Interval], found: Range) -> Surroundings:
+        box = {"s": self.reference.optimum, **v}
+        z = tuple(hull(*(evaluate(node, {**box, **piece}, enclose, functions.call) for piece in pieces))
+                  for node, pieces in self.pieces)
+        return Surroundings(v, z, found.y, found.distance, found.speed)
+
+
+def _pieces(node: Node, parameters: Mapping[str, Box]) -> list[dict[str, Interval]]:
+    """The box of the parameters, cut into equal parts along those that occur in ``node``."""
+    whole = {name: between(*box) for name, box in parameters.items()}
+    cut = sorted(name for name in names_in(node) & whole.keys() if parameters[name][0] < parameters[name][1])[:MOST_CUT]
+    parts = PARTS.get(len(cut), 2)
+    choices = []
+    for name in cut:
+        lo, width = parameters[name][0], parameters[name][1] - parameters[name][0]
+        choices.append([between(lo + width * k / parts, lo + width * (k + 1) / parts) for k in range(parts)])
+    return [{**whole, **dict(zip(cut, choice, strict=True))} for choice in product(*choices)]
