@@ -92,18 +92,19 @@ def compile_function(groups: Sequence[Sequence[sympy.Symbol]], expressions: Sequ
             lines.append(f"({' '.join(names[symbol] + ',' for symbol in group)}) = a{i}")
     shared, reduced = sympy.cse(list(expressions), symbols=numbered_symbols("t", cls=sympy.Dummy), order="none")
     for i, (symbol, expression) in enumerate(shared):
-        lines.append(f"t{i} = {_source(expression, names)}")
+        lines.append(f"t{i} = {expression_source(expression, names)}")
         names[symbol] = f"t{i}"
-    lines.append(f"return ({' '.join(_source(expression, names) + ',' for expression in reduced)})")
+    lines.append(f"return ({' '.join(expression_source(expression, names) + ',' for expression in reduced)})")
     header = f"def function({', '.join(f'a{i}' for i in range(len(groups)))}):"
     source = "\n    ".join([header, *lines])
     namespace = dict(_NAMESPACE)
-    exec(compile(source, "<generated>", "exec"), namespace)  # noqa: S102 - the source is only what _source can emit
+    exec(compile(source, "<generated>", "exec"), namespace)  # noqa: S102 - the source is only what expression_source can emit
     function: CompiledFunction = namespace["function"]  # type: ignore[assignment]  # just defined by the source
     return function
 
 
-def _source(expression: sympy.Expr, names: dict[sympy.Symbol, str]) -> str:
+def expression_source(expression: sympy.Expr, names: dict[sympy.Symbol, str]) -> str:
+    """Source text of an expression whose symbols are called ``names``. Raises as :func:`compile_function`."""
     if isinstance(expression, sympy.Symbol):
         if expression not in names:
             raise ValueError(f"the symbol {expression} has no value")
@@ -111,15 +112,15 @@ def _source(expression: sympy.Expr, names: dict[sympy.Symbol, str]) -> str:
     if expression.is_Number or expression.is_NumberSymbol:
         return _number(expression)
     if isinstance(expression, sympy.Add):
-        return _joined(" + ", [_source(term, names) for term in expression.args])
+        return _joined(" + ", [expression_source(term, names) for term in expression.args])
     if isinstance(expression, sympy.Mul):
-        return _joined("*", [_source(factor, names) for factor in expression.args])
+        return _joined("*", [expression_source(factor, names) for factor in expression.args])
     if isinstance(expression, sympy.Pow):
         return _power(expression.base, expression.exp, names)
     name = _FUNCTIONS.get(type(expression))
     if name is None:
         raise ValueError(f"no code for {type(expression).__name__} in {expression}")
-    return f"{name}({', '.join(_source(argument, names) for argument in expression.args)})"
+    return f"{name}({', '.join(expression_source(argument, names) for argument in expression.args)})"
 
 
 def _joined(operator: str, parts: list[str]) -> str:
@@ -139,8 +140,8 @@ def _number(number: sympy.Expr) -> str:
 
 def _power(base: sympy.Expr, exponent: sympy.Expr, names: dict[sympy.Symbol, str]) -> str:
     if base is sympy.E:
-        return f"exp({_source(exponent, names)})"
-    b = _source(base, names)
+        return f"exp({expression_source(exponent, names)})"
+    b = expression_source(base, names)
     if exponent.is_Integer:
         size = abs(int(exponent))
         power = "(" + "*".join([b] * size) + ")" if size <= 4 and base.is_Symbol else f"({b}**{size})"
@@ -149,4 +150,4 @@ def _power(base: sympy.Expr, exponent: sympy.Expr, names: dict[sympy.Symbol, str
         return f"sqrt({b})"
     if exponent == sympy.Rational(-1, 2):
         return f"(1.0/sqrt({b}))"
-    return f"pow({b}, {_source(exponent, names)})"
+    return f"pow({b}, {expression_source(exponent, names)})"

@@ -1,0 +1,347 @@
+"""The search for a counterexample: a start, parameters and a disturbance for which the claim does not hold.
+
+Behind the coordinator the agents do not see each other, so each is searched by itself. For every agent in turn:
+corners of ``W × box`` (with corners and inner points of ``V0`` and ``y^r(0)``), points inside and on faces, then SciPy's
+differential evolution from the worst of them. What looks like a counterexample is run again by LSODA at tight
+tolerances (``sims.witness``) and only counts if that run agrees. Surviving proves nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from sims.agent_loop import AgentLoop, agent_loop, upper_layer
+from sims.batch import COMPLETED, ESCAPED, FAILED, BatchOptions, BatchSolution
+from sims.bounds import SignalBound, margin
+from sims.coordinator import UpperLayer
+from sims.fate import BROKEN, amplitudes, judge, windows
+from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
+from sims.signals import Array
+from sims.witness import Replay, Witness, gains_of, run_reference
+from symbolic.controller import Controller
+from symbolic.errors import InputError
+from symbolic.plant import Plant
+
+Progress = Callable[[str], None]
+Status = Literal["refuted", "survived", "inconclusive"]
+
+HORIZON = 40.0
+TOLERANCE = Fraction(1, 10_000)
+_CHUNK = 512
+_EXTENSION = 4
+_SHARED_CORNERS, _SHARED_INNER = 8, 4
+_OPTIONS = BatchOptions(max_steps=20_000, stop_at_escape=True)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """How much was simulated for one agent: trajectories in all, and those that could not be integrated or that still
+    converged when the time was over. ``worst`` is the largest ``|y − s*|`` at the end of those that completed,
+    ``peak`` their largest ``|plant state|``.
+    """
+
+    agent: int
+    trajectories: int
+    failed: int
+    slow: int
+    worst: float
+    peak: float
+
+
+@dataclass(frozen=True)
+class FalsifierResult:
+    """``refuted`` with a witness, ``survived``, or ``inconclusive`` when next to nothing could be simulated.
+
+    ``margin`` is the least of ``1 − |y − s*|/tolerance`` at the end of the runs and ``1 − |signal|/bound`` along them:
+    1 is best, below 0 something is broken, −inf for an escape; NaN if nothing was simulated. ``reason`` says it in
+    words.
+    """
+
+    status: Status
+    witness: Witness | None
+    margin: float
+    tried: tuple[Tried, ...]
+    reason: str
+
+    @property
+    def trajectories(self) -> int:
+        return sum(agent.trajectories for agent in self.tried)
+
+
+def falsify(
+    plant: Plant,
+    controller: Controller,
+    *,
+    budget: int = 1000,
+    seed: int = 0,
+    horizon: float = HORIZON,
+    tolerance: Fraction = TOLERANCE,
+    bounds: Sequence[SignalBound] | None = None,
+    agents: Sequence[int] | None = None,
+    progress: Progress | None = None,
+) -> FalsifierResult:
+    """Search with about ``budget`` trajectories per agent of ``horizon`` seconds; ``agents`` are all if left out.
+
+    A trajectory breaks the claim when it escapes, when its error at the end is above ``tolerance`` and has stopped to
+    fall, or when it leaves one of the ``bounds``. The same ``seed`` gives the same search. Raises ``InputError`` for
+    options that do not fit.
+    """
+    if budget < 1 or seed < 0 or not 0.0 < horizon < math.inf or tolerance <= 0:
+        raise InputError("the search needs budget >= 1, seed >= 0, a horizon > 0 and a tolerance > 0")
+    numbers = [agent.id for agent in plant.agents] if agents is None else list(agents)
+    say = progress or (lambda message: None)
+    generator = np.random.default_rng(seed)
+    shared = shared_points(plant, generator, _SHARED_CORNERS, _SHARED_INNER)
+    layers = [upper_layer(plant, controller, start, horizon) for start in shared]
+    broken = next((layer for layer in layers if layer.status != "completed"), None)
+    if broken is not None:
+        return FalsifierResult("inconclusive", None, math.nan, (), f"the coordinator {broken.status}: {broken.reason}")
+    tried = []
+    least = math.inf
+    for number in numbers:
+        loop = agent_loop(plant, controller, number)
+        search = _Search(loop, shared, layers, horizon, tolerance, tuple(bounds or ()), say)
+        witness = search.hunt(budget, np.random.default_rng([seed, number]))
+        tried.append(search.tried)
+        least = min(least, search.margin)
+        if witness is not None:
+            return FalsifierResult("refuted", witness, search.margin, tuple(tried), search.reason)
+    return _survival(tuple(tried), least, layers, plant, controller, numbers, tolerance)
+
+
+def _survival(
+    tried: tuple[Tried, ...],
+    least: float,
+    layers: Sequence[UpperLayer],
+    plant: Plant,
+    controller: Controller,
+    numbers: Sequence[int],
+    tolerance: Fraction,
+) -> FalsifierResult:
+    total = sum(agent.trajectories for agent in tried)
+    failed = [agent for agent in tried if 2 * agent.failed >= agent.trajectories]
+    if failed:
+        number, lost, count = failed[0].agent, failed[0].failed, failed[0].trajectories
+        reason = f"agent {number}: {lost} of {count} trajectories cannot be integrated in floats"
+        h = controller.agents[number - 1].h
+        if h is not None and h > 10**9:
+            reason += f" (the observer gain is 1e{len(str(int(h))) - 1})"
+        return FalsifierResult("inconclusive", None, math.nan, tried, reason)
+    slow = sum(agent.slow for agent in tried)
+    worst = max(agent.worst for agent in tried)
+    reason = f"{total} trajectories, none breaks the claim; the worst ends with |y - s*| = {worst:.2g}"
+    if slow:
+        reason += f"; {slow} were still converging"
+    return FalsifierResult("survived", None, least, tried, reason)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    cube: tuple[float, ...]
+    member: int
+
+
+class _Search:
+    """The hunt for one agent."""
+
+    def __init__(
+        self,
+        loop: AgentLoop,
+        shared: Sequence[SharedPoint],
+        layers: Sequence[UpperLayer],
+        horizon: float,
+        tolerance: Fraction,
+        bounds: tuple[SignalBound, ...],
+        say: Progress,
+    ) -> None:
+        self.loop, self.shared, self.say = loop, shared, say
+        self.signals = loop.signals(layers)
+        self.box = agent_box(loop.agent, loop.law)
+        self.horizon, self.tolerance = horizon, tolerance
+        self.bounds = tuple(bound for bound in bounds if bound.agent == loop.agent.id)
+        self.frame = windows(loop.plant, horizon)
+        early = np.linspace(0.0, horizon, 401) if self.bounds else np.zeros(0)
+        self.times = np.union1d(early, self.frame.times)
+        self.tried = Tried(loop.agent.id, 0, 0, 0, 0.0, 0.0)
+        self.margin = math.inf
+        self.reason = ""
+        self.witness: Witness | None = None
+
+    def hunt(self, budget: int, generator: np.random.Generator) -> Witness | None:
+        """Corners, inner points and faces, evolution; stops at the first counterexample that LSODA confirms."""
+        scored: list[tuple[float, _Candidate]] = []
+        for name, candidates in self._stages(budget, generator):
+            for k in range(0, len(candidates), _CHUNK):
+                part = candidates[k : k + _CHUNK]
+                scored += zip(self._evaluate(part), part, strict=True)
+                self._tell(name)
+                if self.witness is not None:
+                    return self.witness
+        if self.box.free and budget - self.tried.trajectories >= 10:
+            self._evolve(scored, budget, generator)
+        return self.witness
+
+    def _stages(self, budget: int, generator: np.random.Generator) -> Iterator[tuple[str, list[_Candidate]]]:
+        members = range(len(self.shared))
+        corners = self.box.corners(max(2, budget // 2), generator)
+        spread = [_Candidate(corner, k % len(members)) for k, corner in enumerate(corners)]
+        if len(corners) * len(members) <= budget // 2:
+            spread += [_Candidate(corner, m) for m in members for corner in corners]
+        yield "corners", list(dict.fromkeys(spread))[: max(2, budget // 2)]
+        n = len(self.box.free)
+        inner = generator.random((max(1, budget // 6), n))
+        faces = generator.random((max(1, budget // 6), n))
+        if n:
+            side = generator.integers(n, size=len(faces))
+            faces[np.arange(len(faces)), side] = generator.integers(2, size=len(faces))
+        points = [tuple(map(float, row)) for row in (*inner, *faces)] if n else []
+        yield "inside and faces", [_Candidate(point, int(generator.integers(len(members)))) for point in points]
+
+    def _evolve(self, scored: list[tuple[float, _Candidate]], budget: int, generator: np.random.Generator) -> None:
+        n = len(self.box.free)
+        members = len(self.shared)
+        left = budget - self.tried.trajectories
+        size = max(6, min(24, left // 3))
+        best = [candidate for _, candidate in sorted(scored, key=lambda pair: -pair[0])[: size // 2]]
+        population = generator.random((size, n + 1))
+        population[:, n] = generator.integers(members, size=size)
+        for row, candidate in zip(population, best, strict=False):
+            row[:] = [*candidate.cube, candidate.member]
+
+        def cost(x: Array) -> Array:
+            if self.witness is not None:
+                return np.zeros(x.shape[1])
+            found = [_Candidate(tuple(map(float, row[:n])), round(row[n])) for row in x.T]
+            return -np.array(self._evaluate(found))
+
+        def stop(*_: object, **__: object) -> bool:
+            self._tell("evolution")
+            return self.witness is not None or self.tried.trajectories + size > budget
+
+        differential_evolution(
+            cost,
+            [(0.0, 1.0)] * n + [(0.0, float(max(members - 1, 1e-9)))],
+            init=np.clip(population, 0.0, [1.0] * n + [max(members - 1, 1e-9)]),
+            integrality=[False] * n + [members > 1],
+            maxiter=max(1, left // size),
+            rng=generator,
+            polish=False,
+            vectorized=True,
+            updating="deferred",
+            tol=0.0,
+            callback=stop,
+        )
+
+    def _point(self, candidate: _Candidate) -> AgentPoint:
+        return agent_point(self.loop.agent, self.loop.law, self.box.point(candidate.cube))
+
+    def _evaluate(self, candidates: Sequence[_Candidate]) -> list[float]:
+        """Run them and score each by how close it is to breaking the claim; a confirmed break ends the hunt."""
+        points = [self._point(candidate) for candidate in candidates]
+        members = [candidate.member for candidate in candidates]
+        solution = self.loop.run(self.signals, members, points, self.horizon, self.times, _OPTIONS)
+        closeness = margin(self.bounds, self.loop.agent, solution.samples, self.times, self.loop.optimum)
+        columns = np.searchsorted(self.times, self.frame.times)
+        error = solution.samples[:, self.loop.output_row][:, columns] - self.loop.optimum
+        last = amplitudes(error, self.frame)[:, -1]
+        scores = _scores(solution, last, closeness, self.horizon)
+        suspects = []
+        slow = 0
+        for k in range(len(points)):
+            fate = self._fate(solution, error, closeness, k)
+            slow += fate == "slow"
+            if fate in BROKEN or fate == "bound":
+                suspects.append(k)
+        self._count(solution, last, closeness, slow)
+        for k in sorted(suspects, key=lambda k: -scores[k])[:3]:
+            if self._confirm(self.shared[members[k]], points[k]):
+                break
+        return [float(score) for score in scores]
+
+    def _fate(self, solution: BatchSolution, error: Array, closeness: Array, k: int) -> str:
+        if solution.status[k] == ESCAPED:
+            return "escaped"
+        if closeness[k] < 0:
+            return "bound"
+        if solution.status[k] != COMPLETED:
+            return "failed"
+        return judge(error[k], self.frame, float(self.tolerance))
+
+    def _count(self, solution: BatchSolution, last: Array, closeness: Array, slow: int) -> None:
+        done = solution.status == COMPLETED
+        old = self.tried
+        self.tried = replace(
+            old,
+            trajectories=old.trajectories + len(last),
+            failed=old.failed + int((solution.status == FAILED).sum()),
+            slow=old.slow + slow,
+            worst=float(max([old.worst, *last[done]])),
+            peak=float(max([old.peak, *solution.peak[done]])),
+        )
+        if done.any():
+            tail = 1.0 - float(last[done].max()) / float(self.tolerance)
+            self.margin = min(self.margin, tail, float(closeness[done].min()))
+
+    def _confirm(self, shared: SharedPoint, point: AgentPoint) -> bool:
+        """Run it by LSODA, longer if it completes: an oscillation has to last, a slow approach gets its time."""
+        blank = Witness(
+            plant_sha256=self.loop.plant.sha256,
+            gains=gains_of(self.loop.controller, self.loop.agent.id),
+            agent=self.loop.agent.id,
+            fate="",
+            horizon=Fraction(self.horizon).limit_denominator(10**6),
+            tolerance=self.tolerance,
+            shared=shared,
+            point=point,
+            seen=(),
+            bounds=self.bounds,
+        )
+        found = run_reference(self.loop, shared, point, blank)
+        if found.broken and found.fate not in ("escaped", "bound"):
+            blank = replace(blank, horizon=_EXTENSION * blank.horizon)
+            found = run_reference(self.loop, shared, point, blank)
+        if not found.broken:
+            return False
+        self.witness = replace(blank, fate=found.fate, seen=_seen(found))
+        self.reason = found.reason
+        self.margin = _broken_margin(found, self.tolerance)
+        return True
+
+    def _tell(self, stage: str) -> None:
+        tried = self.tried
+        self.say(f"agent {tried.agent}: {stage}, {tried.trajectories} trajectories, worst |y - s*| {tried.worst:.2g}")
+
+
+def _scores(solution: BatchSolution, last: Array, closeness: Array, horizon: float) -> Array:
+    """Larger is closer to a break: peaks and late errors in decades, broken bounds, escapes with early ones first."""
+    late = np.log10(np.clip(np.nan_to_num(last, nan=1e3), 1e-9, 1e6))
+    peak = np.log10(np.clip(solution.peak, 1e-9, 1e12))
+    scores = peak + 0.25 * late - 10.0 * np.minimum(closeness, 0.5)
+    scores = np.where(closeness < 0, 500.0 - closeness, scores)
+    scores = np.where(solution.status == ESCAPED, 1e3 - solution.end / horizon, scores)
+    result: Array = np.where((solution.status == COMPLETED) | (scores > 100.0), scores, -1e3)
+    return result
+
+
+def _seen(found: Replay) -> tuple[tuple[str, str], ...]:
+    return (
+        ("amplitudes", " ".join(f"{size:.6g}" for size in found.amplitudes if math.isfinite(size))),
+        ("end", repr(found.end)),
+        ("margin", repr(found.margin)),
+        ("reason", found.reason),
+    )
+
+
+def _broken_margin(found: Replay, tolerance: Fraction) -> float:
+    if found.fate == "escaped":
+        return -math.inf
+    if found.fate == "bound":
+        return found.margin
+    return 1.0 - found.amplitudes[-1] / float(tolerance)
