@@ -67,7 +67,7 @@ def set_up(groups):
     missing = [group for group in groups if state.get(group) != wanted(group)]
     if not missing:
         return
-    print("bootstrap: installing into .venv, once (half a minute, under 900 MB)", file=sys.stderr)
+    print("bootstrap: installing into .venv, once (about half a minute and 650 MB)", file=sys.stderr)
     if not state:
         make_environment()
         state = {"python": sys.version, "root": str(ROOT)}
