@@ -1,4 +1,5 @@
-"""What the recipe needs to know about one agent, and proved bounds of its Jacobians over boxes in the error coordinates."""
+"""What the recipe needs to know about one agent, and proved bounds of its Jacobians over boxes in the error
+coordinates."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ class InternalModelData:
 
 @dataclass(frozen=True)
 class LyapunovMatrices:
-    """``V0`` (empty without zero dynamics) with its ``a0``, ``P1`` (``n − 1``), ``P2`` (internal model), ``P3`` (``n``, observer)."""
+    """``V0`` (empty without zero dynamics) with its ``a0``, ``P1`` (``n − 1``), ``P2`` (internal model), ``P3``
+    (``n``, observer)."""
 
     V0: Matrix
     a0: Fraction
@@ -47,7 +49,8 @@ class LyapunovMatrices:
 
 @dataclass(frozen=True)
 class References:
-    """The coordinator as one agent sees it: ``|y^r − s*| ≤ peak``, ``∫(y^r − s*)² ≤ energy``, ``∫(ẏ^r)² ≤ rate_energy``."""
+    """The coordinator as one agent sees it: ``|y^r − s*| ≤ peak``, ``∫(y^r − s*)² ≤ energy``,
+    ``∫(ẏ^r)² ≤ rate_energy``."""
 
     peak: Fraction
     energy: Fraction
@@ -68,7 +71,8 @@ class Sublevel:
 class AgentModel:
     """One agent with its steady state, internal model, design polynomials and the sets its exogenous variables live in.
 
-    ``steady_state`` is ``z*`` in ``(s, v, parameters)``; ``optimum`` encloses ``s*``; ``disturbance`` encloses every ``v(t)``
+    ``steady_state`` is ``z*`` in ``(s, v, parameters)``; ``optimum`` encloses ``s*``; ``disturbance`` encloses every
+    ``v(t)``
     and ``exosystem.initial`` every ``v(0)``.
     """
 
@@ -135,7 +139,9 @@ class AgentModel:
 
     def reference_box(self) -> dict[sympy.Symbol, Interval]:
         """``z = z*``, ``x = (y^r, 0, …)``: the states the increments in ``y^r`` are taken at."""
-        flat = Sublevel((Fraction(0),) * len(self.agent.zero_states), (Fraction(0),) * (self.order - 1), (), Fraction(0))
+        flat = Sublevel(
+            (Fraction(0),) * len(self.agent.zero_states), (Fraction(0),) * (self.order - 1), (), Fraction(0)
+        )
         return self.box(flat, Fraction(1))
 
     @cached_property
@@ -189,13 +195,15 @@ def euclidean_norm(entries: Sequence[Fraction]) -> Fraction:
 
 def quadratic_form_bound(matrix: Matrix, magnitudes: Sequence[Fraction]) -> Fraction:
     """``Σ |P_jk| m_j m_k ≥ xᵀPx`` for all ``|x_k| ≤ m_k``."""
-    pairs = ((abs(p), m, o) for row, m in zip(matrix, magnitudes, strict=True) for p, o in zip(row, magnitudes, strict=True))
+    pairs = (
+        (abs(p), m, o) for row, m in zip(matrix, magnitudes, strict=True) for p, o in zip(row, magnitudes, strict=True)
+    )
     return round_up(sum((p * m * o for p, m, o in pairs), Fraction(0)))
 
 
 def row_sum_norm(matrix: Matrix) -> Fraction:
     """``max_j Σ_k |P_jk|``, an upper bound of the largest eigenvalue of a symmetric matrix; 0 for an empty one."""
-    return max((sum(abs(entry) for entry in row) for row in matrix), default=Fraction(0))
+    return max((sum((abs(entry) for entry in row), Fraction(0)) for row in matrix), default=Fraction(0))
 
 
 def _symmetric(bound: Fraction) -> Interval:

@@ -1,4 +1,5 @@
-"""The certificate file: canonical JSON that carries the claim and the witnesses, never the inequalities (docs/certificate.md)."""
+"""The certificate file: canonical JSON that carries the claim and the witnesses, never the inequalities
+(docs/certificate.md)."""
 
 from __future__ import annotations
 

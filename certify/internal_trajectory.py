@@ -20,5 +20,7 @@ def internal_model_data(model: InternalModel, u_star: sympy.Expr, exosystem: Exo
     tau, derivative = [], u_star
     for _ in range(model.order):
         tau.append(derivative)
-        derivative = sympy.expand(sum((sympy.diff(derivative, v) * w for v, w in zip(exosystem.states, velocity, strict=True)), sympy.S.Zero))
+        derivative = sympy.expand(
+            sum((sympy.diff(derivative, v) * w for v, w in zip(exosystem.states, velocity, strict=True)), sympy.S.Zero)
+        )
     return InternalModelData(model.ell, model.M, model.N, model.T, model.psi, tuple(tau))

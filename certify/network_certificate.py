@@ -21,7 +21,8 @@ def network_certificate(
     agents: Sequence[tuple[AgentController, Json]],
     versions: Mapping[str, str],
 ) -> Json:
-    """The certificate of a network all of whose agents passed, each with its controller and witness; ``invariant`` is ``Q``."""
+    """The certificate of a network all of whose agents passed, each with its controller and witness; ``invariant`` is
+    ``Q``."""
     model = coordinator.model
     return {
         "schema": SCHEMA,

@@ -1,11 +1,11 @@
-"""From a plant to a certificate: assumptions → coordinates → matrix inequalities → levels → thresholds → certificate."""
+"""From a plant to a certificate: assumptions → coordinates → matrix inequalities → levels → thresholds →
+certificate."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import platform
-
 from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
 from typing import Any
@@ -32,7 +32,8 @@ Outcome = tuple[AgentResult, AgentController | None, Json | None]
 def design_gains(
     plant: Plant, route: str = "recipe", progress: Report = lambda message: None, check: CheckReport | None = None
 ) -> GainsResult:
-    """Gains with a certificate, or what stands in the way. Gains fixed in the plant file are kept and decided as they are."""
+    """Gains with a certificate, or what stands in the way. Gains fixed in the plant file are kept and decided as they
+    are."""
     prepared = prepare(plant, check if check is not None else check_assumptions(plant), progress)
     if isinstance(prepared, Stopped):
         return _without_certificate(prepared.status, prepared.reason, route, prepared.agents)
@@ -43,7 +44,9 @@ def design_gains(
         reason = "; ".join(f"agent {result.id}: {result.reason}" for result in open_agents)
         return _without_certificate("inconclusive", reason, route, results, prepared)
     found, disturbance, coordinator = prepared.optimum, prepared.disturbance, prepared.coordinator
-    parts = [(controller, witness) for _, controller, witness in outcomes if controller is not None and witness is not None]
+    parts = [
+        (controller, witness) for _, controller, witness in outcomes if controller is not None and witness is not None
+    ]
     certificate = network_certificate(
         THEOREMS[route], plant, found.enclosure, disturbance.Q or (), coordinator, parts, tool_versions()
     )

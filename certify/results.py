@@ -30,7 +30,8 @@ class Alternative:
 class AgentResult:
     """What was found for one agent; the dictionaries are empty when it has no certificate.
 
-    ``constants`` ``ς1 … ς11`` and the Jacobian bounds, ``thresholds`` ``g, K, mu, a, delta, T, h1, h2, h3, h, level, rate``,
+    ``constants`` ``ς1 … ς11`` and the Jacobian bounds, ``thresholds``
+    ``g, K, mu, a, delta, T, h1, h2, h3, h, level, rate``,
     ``matrices`` ``V0, P1, P2, P3``, ``bounds`` of the error coordinates along the way, by name; which of them there are
     depends on the route. ``linear`` is the verdict of the necessary condition on requested gains.
     """
@@ -48,7 +49,8 @@ class AgentResult:
 
 @dataclass(frozen=True)
 class GainsResult:
-    """The outcome of a route: ``certificate`` is there iff ``status == "certified"``; ``summary`` has the JSON shape of spec.md."""
+    """The outcome of a route: ``certificate`` is there iff ``status == "certified"``; ``summary`` has the JSON shape
+    of spec.md."""
 
     status: Status
     reason: str

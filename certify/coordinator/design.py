@@ -30,7 +30,8 @@ class CoordinatorDesign:
     envelope: Envelope
 
     def weight(self, index: int, varsigma10: Fraction, varsigma11: Fraction) -> Fraction:
-        """The paper's ``μ`` without its circle: ``μV``, ``V = ‖x‖_P²``, outweighs ``ς10 ỹ² + ς11 (ẏ^r)²`` of agent ``index``.
+        """The paper's ``μ`` without its circle: ``μV``, ``V = ‖x‖_P²``, outweighs ``ς10 ỹ² + ς11 (ẏ^r)²`` of agent
+        ``index``.
 
         ``μ λ0 V ≥ ς10 κ² V + 2 ς11 ν² V`` while ``V' ≤ −λ0 V + ‖p‖²/λ0``.
         """
@@ -64,7 +65,9 @@ def design_coordinator(
         comparison = stabilise(model, damping_ranges(grid, curvatures), RATES)
         if isinstance(comparison, Unstable):
             return comparison
-        return CoordinatorDesign(model, comparison, grid, envelope(model, grid, comparison, optimum, optimal_gradients, references))
+        return CoordinatorDesign(
+            model, comparison, grid, envelope(model, grid, comparison, optimum, optimal_gradients, references)
+        )
 
     pairs = _pairs(plant)
     if len(pairs) == 1:
@@ -76,7 +79,9 @@ def design_coordinator(
         if isinstance(result, CoordinatorDesign):
             rough[pair] = sum((agent.rate_energy for agent in result.envelope.agents), Fraction(0))
     if not rough:
-        return Unstable("no pair α1, α2 was proved stable; tried " + ", ".join(f"({a}, {b})" for a, b in pairs), len(pairs))
+        return Unstable(
+            "no pair α1, α2 was proved stable; tried " + ", ".join(f"({a}, {b})" for a, b in pairs), len(pairs)
+        )
     return attempt(min(rough, key=lambda pair: rough[pair]), LARGEST_GRID)
 
 
@@ -85,8 +90,11 @@ def _pairs(plant: Plant) -> tuple[tuple[Fraction, Fraction], ...]:
     return tuple(dict.fromkeys(chosen))
 
 
-def _grid(model: CoordinatorModel, curvatures: Sequence[Interval], horizon: Fraction, limit: int) -> tuple[Fraction, int]:
-    """A dyadic step that resolves the fastest rate of the coordinator, unless ``limit`` steps do not suffice for the horizon."""
+def _grid(
+    model: CoordinatorModel, curvatures: Sequence[Interval], horizon: Fraction, limit: int
+) -> tuple[Fraction, int]:
+    """A dyadic step that resolves the fastest rate of the coordinator, unless ``limit`` steps do not suffice for the
+    horizon."""
     degree = max(row[i] for i, row in enumerate(model.laplacian))
     damping = max(curvature.hi / r for curvature, r in zip(curvatures, model.left_null_vector, strict=True))
     fastest = 2 * max(model.alpha1, Fraction(1)) * degree + damping

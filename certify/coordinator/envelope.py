@@ -1,4 +1,5 @@
-"""How far the references are from the optimum, proved for all time (docs/certificate.md section 2, deviation, tail, outputs)."""
+"""How far the references are from the optimum, proved for all time (docs/certificate.md section 2, deviation, tail,
+outputs)."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ class Comparison:
 class AgentEnvelope:
     """Bounds for one agent: ``|y^r − s*| ≤ peak`` for ever, ``∫ (y^r − s*)² ≤ energy``, ``∫ (ẏ^r)² ≤ rate_energy``.
 
-    ``reference[k]`` encloses ``y^r``, ``deviation[k] ≥ |y^r − s*|`` and ``rate[k] ≥ |ẏ^r|`` on ``[t_k, t_(k+1)]``; after the grid they decay from
+    ``reference[k]`` encloses ``y^r``, ``deviation[k] ≥ |y^r − s*|`` and ``rate[k] ≥ |ẏ^r|`` on ``[t_k, t_(k+1)]``;
+    after the grid they decay from
     ``tail_deviation`` and ``tail_rate`` at the rate ``tail_decay`` of the whole envelope.
     """
 
@@ -55,7 +57,8 @@ class AgentEnvelope:
 
 @dataclass(frozen=True)
 class Envelope:
-    """The coordinator's envelope: one ``AgentEnvelope`` per agent on the grid ``t_k = k·step``, then an exponential tail."""
+    """The coordinator's envelope: one ``AgentEnvelope`` per agent on the grid ``t_k = k·step``, then an exponential
+    tail."""
 
     step: Fraction
     tail_decay: Fraction
@@ -88,8 +91,7 @@ def envelope(
         forcing = _tail_forcing(model, mixing, optimal_gradients)
         target = to_arb(optimum)
         gap = [y - target for y in y_end] + [
-            omega_end[i]
-            + to_arb(optimal_gradients[i]) / (to_arb(model.alpha2) * to_arb(model.left_null_vector[i]))
+            omega_end[i] + to_arb(optimal_gradients[i]) / (to_arb(model.alpha2) * to_arb(model.left_null_vector[i]))
             for i in range(model.size - 1)
         ]
         decay = min(comparison.rate, comparison.mixing_rate) / 2
@@ -139,7 +141,11 @@ def _deviations(
 def _tail_forcing(model: CoordinatorModel, mixing: Mixing, gradients: Sequence[Interval]) -> list[arb]:
     """``p̄_i``: ``|1/r_i − 1/ξ_i^i| |c_i'(s*)| ≤ p̄_i e^(−λ̂(t − T0))``."""
     return [
-        (to_arb(gradients[i].magnitude) * mixing.residual[i] / (to_arb(model.left_null_vector[i]) * mixing.smallest[i])).upper()
+        (
+            to_arb(gradients[i].magnitude)
+            * mixing.residual[i]
+            / (to_arb(model.left_null_vector[i]) * mixing.smallest[i])
+        ).upper()
         for i in range(model.size)
     ]
 

@@ -1,4 +1,5 @@
-"""The graph-balancing layer ``ξ(t) = e^(−Lt)``: enclosures on a time grid and its limit (docs/certificate.md section 2)."""
+"""The graph-balancing layer ``ξ(t) = e^(−Lt)``: enclosures on a time grid and its limit (docs/certificate.md section
+2)."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ class Mixing:
     """Enclosures of the diagonal ``ξ_i^i`` of the row-stochastic matrix ``X(t) = e^(−Lt)``.
 
     ``matrices[k]`` encloses ``X(t_k)``, ``t_k = k·step``; ``ranges[k][i]`` encloses ``ξ_i^i`` on ``[t_k, t_k + step]``;
-    ``smallest``, ``largest`` are its extremes over all ``t >= 0``. ``residual[i] >= |ξ_i^i(t) − r_i| e^(λ̂(t − T0))`` for
+    ``smallest``, ``largest`` are its extremes over all ``t >= 0``. ``residual[i] >= |ξ_i^i(t) − r_i| e^(λ̂(t − T0))``
+    for
     ``t >= T0``, where ``λ̂`` is any rate with ``Rm L + LᵀRm ⪰ 2λ̂(Rm − r rᵀ)``.
     """
 

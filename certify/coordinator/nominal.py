@@ -1,6 +1,7 @@
 """A nominal coordinator trajectory and a proved bound on its defect (docs/certificate.md section 2).
 
-The nominal trajectory may be anything: the coordinator's distance from it obeys a linear comparison inequality driven by the
+The nominal trajectory may be anything: the coordinator's distance from it obeys a linear comparison inequality driven
+by the
 defect alone. Here it is a piecewise Taylor polynomial with rounded coefficients.
 """
 
@@ -42,7 +43,8 @@ def cost_gradient(cost: sympy.Expr) -> CostGradient:
 class Segment:
     """Nominal ``ŷ`` and ``ω̂`` on one step as polynomials in the time since its start, and bounds over the step.
 
-    ``defect[i] >= |ρ_i|`` for the ``2N − 1`` components of ``(y, ω)``; ``jump`` bounds the step from its end to the next start.
+    ``defect[i] >= |ρ_i|`` for the ``2N − 1`` components of ``(y, ω)``; ``jump`` bounds the step from its end to the
+    next start.
     """
 
     reference: tuple[arb_poly, ...]
@@ -128,7 +130,8 @@ class _Stepper:
         self, y: list[arb], omega: list[arb], xi: list[list[arb]], gradient: list[arb], slope: list[arb]
     ) -> tuple[list[arb_poly], list[arb_poly]]:
         n = self.size
-        ys, omegas, us = [y], [omega], []
+        ys, omegas = [y], [omega]
+        us: list[list[arb]] = []
         for j in range(TAYLOR_ORDER):
             source = gradient if j == 0 else [slope[i] * ys[j][i] for i in range(n)]
             u = [
@@ -140,7 +143,10 @@ class _Stepper:
             feedback = _apply(self.feedback, omegas[j])
             ys.append([((-u[i] - drift[i] - feedback[i]) / (j + 1)).mid() for i in range(n)])
             omegas.append([(drift[i] / (j + 1)).mid() for i in range(n - 1)])
-        return ([arb_poly([c[i] for c in ys]) for i in range(n)], [arb_poly([c[i] for c in omegas]) for i in range(n - 1)])
+        return (
+            [arb_poly([c[i] for c in ys]) for i in range(n)],
+            [arb_poly([c[i] for c in omegas]) for i in range(n - 1)],
+        )
 
     def _defect(
         self,

@@ -1,6 +1,7 @@
 """One matrix inequality for the coordinator with every admissible damping ``D(t)`` (docs/certificate.md section 2).
 
-A diagonal multiplier stands for all ``2^N`` vertices of the damping box. The solver proposes ``P``; exact arithmetic decides.
+A diagonal multiplier stands for all ``2^N`` vertices of the damping box. The solver proposes ``P``; exact arithmetic
+decides.
 """
 
 from __future__ import annotations
@@ -16,13 +17,19 @@ from certify.bounds.rationals import round_down, round_up
 from certify.coordinator.envelope import Comparison
 from certify.coordinator.mixing import Mixing, Rows
 from certify.coordinator.nominal import CoordinatorModel
-from certify.inequalities.exact_psd import PositiveDefinite, PositiveSemidefinite, prove_positive_definite, prove_positive_semidefinite
+from certify.inequalities.exact_psd import (
+    PositiveDefinite,
+    PositiveSemidefinite,
+    prove_positive_definite,
+    prove_positive_semidefinite,
+)
 from certify.inequalities.matrices import transpose
 from certify.inequalities.rounding import round_symmetric
 from certify.inequalities.semidefinite import solve
 from symbolic.plant import Interval
 
-RATES = tuple(Fraction(k, 40) for k in (80, 60, 40, 32, 28, 24, 20, 16, 12, 8, 6, 4, 3, 2, 1)) + (Fraction(1, 100), Fraction(1, 1000))
+_FORTIETHS = (80, 60, 40, 32, 28, 24, 20, 16, 12, 8, 6, 4, 3, 2, 1)
+RATES = (*(Fraction(k, 40) for k in _FORTIETHS), Fraction(1, 100), Fraction(1, 1000))
 MARGINS = (1e-6, 1e-5, 1e-7, 1e-4)
 DIGITS = (24, 32, 48)
 DAMPING_BITS = 20
@@ -44,7 +51,9 @@ def damping_ranges(mixing: Mixing, curvatures: Sequence[Interval]) -> tuple[Inte
     )
 
 
-def stabilise(model: CoordinatorModel, damping: tuple[Interval, ...], rates: Sequence[Fraction] = RATES) -> Comparison | Unstable:
+def stabilise(
+    model: CoordinatorModel, damping: tuple[Interval, ...], rates: Sequence[Fraction] = RATES
+) -> Comparison | Unstable:
     """The largest rate on the grid ``rates`` (descending) for which a Lyapunov matrix is found and proved."""
     first, last = 0, len(rates)
     best: Comparison | None = None
@@ -86,14 +95,18 @@ def _smallest_ratio(flow: list[list[Fraction]], spread: list[list[Fraction]]) ->
     return float(np.min(np.linalg.eigvals(np.linalg.solve(b, a)).real))
 
 
-def inequality(model: CoordinatorModel, damping: Sequence[Interval], P: Rows, multiplier: Sequence[Fraction], rate: Fraction) -> Rows:
+def inequality(
+    model: CoordinatorModel, damping: Sequence[Interval], P: Rows, multiplier: Sequence[Fraction], rate: Fraction
+) -> Rows:
     """The matrix that must be positive semidefinite, exactly."""
     n, size = model.size, 2 * model.size - 1
-    centre, radius, A = _nominal(model, damping)
+    _, radius, A = _nominal(model, damping)
     AtP = [[sum((A[m][i] * P[m][j] for m in range(size)), Fraction(0)) for j in range(size)] for i in range(size)]
     rows = []
     for i in range(size):
-        row = [-(AtP[i][j] + AtP[j][i] + 2 * rate * P[i][j]) - (multiplier[i] if i == j < n else 0) for j in range(size)]
+        row = [
+            -(AtP[i][j] + AtP[j][i] + 2 * rate * P[i][j]) - (multiplier[i] if i == j < n else 0) for j in range(size)
+        ]
         rows.append(tuple(row + [-P[i][j] * radius[j] for j in range(n)]))
     for i in range(n):
         coupling = [-P[j][i] * radius[i] for j in range(size)]
@@ -110,7 +123,9 @@ def _nominal(model: CoordinatorModel, damping: Sequence[Interval]) -> tuple[list
         + tuple(-model.alpha2 * entry for entry in B[i])
         for i in range(n)
     ]
-    bottom = [tuple(model.alpha1 * entry for entry in model.laplacian[i]) + (Fraction(0),) * (n - 1) for i in range(n - 1)]
+    bottom = [
+        tuple(model.alpha1 * entry for entry in model.laplacian[i]) + (Fraction(0),) * (n - 1) for i in range(n - 1)
+    ]
     return centre, radius, tuple(top + bottom)
 
 
@@ -128,12 +143,18 @@ def _at_rate(model: CoordinatorModel, damping: tuple[Interval, ...], rate: Fract
     return None
 
 
-def _proved(model: CoordinatorModel, damping: Sequence[Interval], P: Rows, multiplier: Sequence[Fraction], rate: Fraction) -> bool:
+def _proved(
+    model: CoordinatorModel, damping: Sequence[Interval], P: Rows, multiplier: Sequence[Fraction], rate: Fraction
+) -> bool:
     positive = isinstance(prove_positive_definite(P), PositiveDefinite) and transpose(P) == P
-    return positive and isinstance(prove_positive_definite(inequality(model, damping, P, multiplier, rate)), PositiveDefinite)
+    return positive and isinstance(
+        prove_positive_definite(inequality(model, damping, P, multiplier, rate)), PositiveDefinite
+    )
 
 
-def _solve(model: CoordinatorModel, damping: Sequence[Interval], rate: float, margin: float) -> tuple[np.ndarray, np.ndarray] | None:
+def _solve(
+    model: CoordinatorModel, damping: Sequence[Interval], rate: float, margin: float
+) -> tuple[np.ndarray, np.ndarray] | None:
     """The Lyapunov matrix with the best conditioned ``P_yy`` at this rate (a float proposal), or None."""
     import cvxpy as cp
 

@@ -1,4 +1,5 @@
-"""The constants ``ς1 … ς11`` on a level set, proved (docs/certificate.md section 3; the paper's Appendix 1 with F6, F14, F15)."""
+"""The constants ``ς1 … ς11`` on a level set, proved (docs/certificate.md section 3; the paper's Appendix 1 with F6,
+F14, F15)."""
 
 from __future__ import annotations
 
@@ -8,20 +9,19 @@ from fractions import Fraction
 
 import sympy
 
-from certify.bounds.rationals import round_up, sqrt_up
-from certify.bounds.suprema import magnitude_bound
-from certify.inequalities.matrices import apply, inverse
 from certify.agent_model import (
     AgentModel,
     LyapunovMatrices,
     Matrix,
     Row,
     Sublevel,
-
     euclidean_norm,
     quadratic_form_bound,
     row_sum_norm,
 )
+from certify.bounds.rationals import round_up, sqrt_up
+from certify.bounds.suprema import magnitude_bound
+from certify.inequalities.matrices import apply, inverse
 from symbolic.plant import Interval
 
 ONE = Fraction(1)
@@ -71,14 +71,18 @@ def internal_model_norms(model: AgentModel, P2: Matrix) -> InternalModelNorms:
     )
 
 
-def gain_g_threshold(model: AgentModel, matrices: LyapunovMatrices, varsigma1: Fraction, varsigma2: Fraction) -> Fraction:
+def gain_g_threshold(
+    model: AgentModel, matrices: LyapunovMatrices, varsigma1: Fraction, varsigma2: Fraction
+) -> Fraction:
     """``g > 2 + ς1²ς2²/a0 + a0/4`` (1 for ``n = 1``, where ``g`` does not occur)."""
     if model.order == 1:
         return ONE
     return 2 + (varsigma1 * varsigma2) ** 2 / matrices.a0 + matrices.a0 / 4
 
 
-def zero_layer(model: AgentModel, matrices: LyapunovMatrices, level: Fraction, vartheta: Fraction) -> tuple[Fraction, ...]:
+def zero_layer(
+    model: AgentModel, matrices: LyapunovMatrices, level: Fraction, vartheta: Fraction
+) -> tuple[Fraction, ...]:
     """``ς1, ς2, ς3`` on ``{V0 ≤ C} × {V1 ≤ C}`` (and ``|ϑ| ≤ vartheta`` for ``n = 1``); they do not depend on ``g``."""
     if not matrices.V0:
         return Fraction(0), Fraction(0), Fraction(0)
@@ -129,7 +133,9 @@ def constants(model: AgentModel, matrices: LyapunovMatrices, level: Fraction, g:
     vartheta = sqrt_up(2 * level * weight_vartheta)
     full = sublevel(matrices, level, weight_eta, vartheta)
     f_vartheta = model.last_slope(model.box(full, g)) + (g * model.gamma[-1] if model.order > 1 else 0)
-    varsigma[1], varsigma[2], varsigma[3] = zero_layer(model, matrices, level, vartheta if model.order == 1 else Fraction(0))
+    varsigma[1], varsigma[2], varsigma[3] = zero_layer(
+        model, matrices, level, vartheta if model.order == 1 else Fraction(0)
+    )
     ratio = norms.P2MN / norms.P2N if norms.P2N else Fraction(0)
     rho[3] = max(ONE, round_up((ratio + f_vartheta) ** 2))
     rho[6] = max(ONE, round_up((f_vartheta + norms.psi_N) ** 2))
@@ -145,7 +151,8 @@ def constants(model: AgentModel, matrices: LyapunovMatrices, level: Fraction, g:
     varsigma[10] = round_up(zero_drive + 2 * coupling * f_reference**2)
     varsigma[11] = round_up(p1**2 + 2 * coupling * (g ** (model.order - 1) * gamma1) ** 2)
     return Constants(
-        level, g, full, b, norms, f_z, f_x, f_vartheta, f_reference, dict(sorted(varsigma.items())), dict(sorted(rho.items())),
+        level, g, full, b, norms, f_z, f_x, f_vartheta, f_reference, dict(sorted(varsigma.items())),
+        dict(sorted(rho.items())),
         weight_eta, weight_vartheta,
     )  # fmt: skip
 
@@ -186,7 +193,8 @@ def _initial_internal_error(model: AgentModel, vartheta: Fraction, b: Interval) 
     """Magnitudes of ``η̃(0) = η(0) − T τ(0) − b⁻¹ N ϑ(0)``."""
     im, eta = model.internal_model, model.agent.initial.eta.magnitude
     steady = [
-        magnitude_bound(sum((_rational(t) * tau for t, tau in zip(row, im.tau, strict=True)), sympy.S.Zero), model.initial_exogenous_box).value
+        magnitude_bound(sum((_rational(t) * tau for t, tau in zip(row, im.tau, strict=True)), sympy.S.Zero),
+        model.initial_exogenous_box).value
         for row in im.T
     ]  # fmt: skip
     return [eta + target + abs(n) * vartheta / b.lo for target, n in zip(steady, im.N, strict=True)]

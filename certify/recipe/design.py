@@ -43,7 +43,9 @@ class AgentInconclusive:
 SLACKS = (Fraction(1), Fraction(1, 4), Fraction(1, 16))
 
 
-def design_agent(model: AgentModel, matrices: LyapunovMatrices, requested: RequestedGains) -> AgentRecipe | AgentInconclusive:
+def design_agent(
+    model: AgentModel, matrices: LyapunovMatrices, requested: RequestedGains
+) -> AgentRecipe | AgentInconclusive:
     """Gains for one agent, or those requested, certified; the requested ones are kept exactly."""
     reasons = []
     for slack in SLACKS:

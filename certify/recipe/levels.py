@@ -1,13 +1,14 @@
-"""The level ``c`` as a fixed point, in place of the paper's circular choice of ``μ`` (theory.md section 5, steps 2–5; F2)."""
+"""The level ``c`` as a fixed point, in place of the paper's circular choice of ``μ`` (theory.md section 5, steps 2–5;
+F2)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
 
+from certify.agent_model import AgentModel, LyapunovMatrices
 from certify.bounds.balls import NonFiniteError
 from certify.bounds.rationals import round_up
-from certify.agent_model import AgentModel, LyapunovMatrices
 from certify.recipe.constants import (
     Constants,
     constants,
@@ -49,7 +50,8 @@ def find_level(
     g: Fraction | None = None,
     slack_ratio: Fraction = Fraction(1),
 ) -> Level | NoLevel:
-    """Raise ``c`` until ``w0 + Δ(c) ≤ c``; ``slack_ratio = ϵ/c``. A given ``g`` is kept, otherwise the least one on a grid is taken."""
+    """Raise ``c`` until ``w0 + Δ(c) ≤ c``; ``slack_ratio = ϵ/c``. A given ``g`` is kept, otherwise the least one on a
+    grid is taken."""
     level = Fraction(1)
     history: list[Constants] = []
     for rounds in range(1, MOST_ROUNDS + 1):
@@ -76,7 +78,8 @@ def _attempt(
         threshold = gain_g_threshold(model, matrices, varsigma1, varsigma2)
         chosen = g if g is not None else _least_on_grid(threshold, model.order)
         if model.order > 1 and chosen <= threshold:
-            return f"g = {chosen} does not exceed 2 + ς1²ς2²/a0 + a0/4 = {float(threshold):.4g} on the level {float(level):.4g}"
+            needed = f"2 + ς1²ς2²/a0 + a0/4 = {float(threshold):.4g}"
+            return f"g = {chosen} does not exceed {needed} on the level {float(level):.4g}"
         found = constants(model, matrices, total, chosen)
         initial = initial_energy(model, matrices, found)
     except NonFiniteError as error:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
+from certify.agent_model import AgentModel, LyapunovMatrices, Row
 from certify.assumptions.a6_zero_dynamics import prove_zero_dynamics
 from certify.assumptions.given_lyapunov import Accepted
 from certify.inequalities.lyapunov import LyapunovProof, solve_lyapunov
 from certify.inequalities.matrices import Matrix
-from certify.agent_model import AgentModel, LyapunovMatrices, Row
 from symbolic.steady_state import SteadyState
 
 FREE_DECAY = Fraction(4)
@@ -23,7 +23,8 @@ class MatricesInconclusive:
 
 
 def lyapunov_matrices(model: AgentModel, steady_state: SteadyState) -> LyapunovMatrices | MatricesInconclusive:
-    """``A_cᵀP1 + P1A_c ⪯ −I``, the same for ``M`` and ``E3``, and the quadratic ``V0`` of A6. Without zero dynamics ``a0`` is free."""
+    """``A_cᵀP1 + P1A_c ⪯ −I``, the same for ``M`` and ``E3``, and the quadratic ``V0`` of A6. Without zero dynamics
+    ``a0`` is free."""
     V0: Matrix = ()
     a0 = FREE_DECAY
     if model.agent.zero_states:
@@ -65,5 +66,6 @@ def observer_matrix(observer: Row) -> Matrix:
     """``E3`` with ``c = (c_1 … c_n)``: first column ``−c_n … −c_1``, ones above the diagonal."""
     size = len(observer)
     return tuple(
-        tuple(-observer[size - 1 - i] if j == 0 else Fraction(int(j == i + 1)) for j in range(size)) for i in range(size)
+        tuple(-observer[size - 1 - i] if j == 0 else Fraction(int(j == i + 1)) for j in range(size))
+        for i in range(size)
     )

@@ -1,4 +1,5 @@
-"""From a level to gains: ``K, δ, T, h1, h2, h3, h`` with directed rounding (docs/certificate.md section 4; F7–F10 corrected)."""
+"""From a level to gains: ``K, δ, T, h1, h2, h3, h`` with directed rounding (docs/certificate.md section 4; F7–F10
+corrected)."""
 
 from __future__ import annotations
 
@@ -7,10 +8,10 @@ from fractions import Fraction
 
 from flint import ctx
 
+from certify.agent_model import AgentModel, LyapunovMatrices, Row, euclidean_norm, quadratic_form_bound, row_sum_norm
 from certify.bounds.balls import PRECISION, to_arb, upper
 from certify.bounds.rationals import round_down, round_up, sqrt_up
 from certify.inequalities.matrices import inverse
-from certify.agent_model import AgentModel, LyapunovMatrices, Row, euclidean_norm, quadratic_form_bound, row_sum_norm
 from certify.recipe.constants import Constants, gain_K_threshold
 from certify.recipe.levels import Level
 
@@ -21,7 +22,8 @@ OBSERVER_GENEROSITY = Fraction(9, 8)
 
 @dataclass(frozen=True)
 class StateFeedback:
-    """``Ẇ ≤ −a_z|z̄|² − a_x|x̂|² − a_η|η̃|² − a_ϑϑ² + ς10ỹ² + ς11(ẏ^r)²`` on the level set (blocks that are absent are ``None``)."""
+    """``Ẇ ≤ −a_z|z̄|² − a_x|x̂|² − a_η|η̃|² − a_ϑϑ² + ς10ỹ² + ς11(ẏ^r)²`` on the level set (blocks that are absent
+    are ``None``)."""
 
     K: Fraction
     a_z: Fraction | None
@@ -48,7 +50,9 @@ class OutputFeedback:
     rate: Fraction
 
 
-def state_feedback(model: AgentModel, matrices: LyapunovMatrices, level: Level, K: Fraction | None) -> StateFeedback | str:
+def state_feedback(
+    model: AgentModel, matrices: LyapunovMatrices, level: Level, K: Fraction | None
+) -> StateFeedback | str:
     """The dissipation of every block for this ``K`` (twice the threshold if it is free), or the block that fails."""
     found = level.found
     threshold = gain_K_threshold(found)
@@ -64,9 +68,12 @@ def state_feedback(model: AgentModel, matrices: LyapunovMatrices, level: Level, 
         a_x = found.g - 2 - coupling - ideal * found.f_x**2 / eta - 2 * found.f_x**2 / theta
     a_eta = 1 / (2 * eta) - found.varsigma[6] / theta if model.internal_model.order else None
     own = row_sum_norm(matrices.P1) ** 2 if model.order > 1 else coupling
-    own += scale * (norms.P2MN + norms.P2N * found.f_vartheta) ** 2 / eta + 2 * (found.f_vartheta + norms.psi_N) ** 2 / theta
+    own += (
+        scale * (norms.P2MN + norms.P2N * found.f_vartheta) ** 2 / eta
+        + 2 * (found.f_vartheta + norms.psi_N) ** 2 / theta
+    )
     a_vartheta = (found.b.lo * gain - 1) / theta - own
-    result = StateFeedback(gain, *(_down(a) for a in (a_z, a_x, a_eta)), round_down(a_vartheta))
+    result = StateFeedback(gain, _down(a_z), _down(a_x), _down(a_eta), round_down(a_vartheta))
     for name, value in (("a_z", result.a_z), ("a_x", result.a_x), ("a_η", result.a_eta), ("a_ϑ", result.a_vartheta)):
         if value is not None and value <= 0:
             return f"{name} is not positive (K = {float(gain):.4g}, the threshold is {float(threshold):.4g})"
@@ -74,7 +81,12 @@ def state_feedback(model: AgentModel, matrices: LyapunovMatrices, level: Level, 
 
 
 def output_feedback(
-    model: AgentModel, matrices: LyapunovMatrices, level: Level, feedback: StateFeedback, delta: Fraction | None, h: Fraction | None
+    model: AgentModel,
+    matrices: LyapunovMatrices,
+    level: Level,
+    feedback: StateFeedback,
+    delta: Fraction | None,
+    h: Fraction | None,
 ) -> OutputFeedback | str:
     """``δ`` and ``h`` (the least that the proof gives, if free), or the obligation that fails."""
     found, K = level.found, feedback.K
@@ -96,7 +108,9 @@ def output_feedback(
     chosen = h if h is not None else round_up(OBSERVER_GENEROSITY * least, GAIN_BITS)
     if chosen < least:
         return _too_small("h", chosen, least)
-    return OutputFeedback(delta, observer.T, h1, h2, h3, chosen, _rate(matrices, found, feedback, observer.dissipation(chosen)))
+    return OutputFeedback(
+        delta, observer.T, h1, h2, h3, chosen, _rate(matrices, found, feedback, observer.dissipation(chosen))
+    )
 
 
 class _Observer:
@@ -134,7 +148,8 @@ class _Observer:
         return quadratic_form_bound(self.matrices.P3, errors)
 
     def h2(self) -> Fraction:
-        """The least ``h`` found with ``e^(−hT/(2λ_M)) We(0) ≤ ϵ/4`` from there on, by the iteration ``h ← (2λ_M/T) ln(4We(0)/ϵ)``."""
+        """The least ``h`` found with ``e^(−hT/(2λ_M)) We(0) ≤ ϵ/4`` from there on, by the iteration
+        ``h ← (2λ_M/T) ln(4We(0)/ϵ)``."""
         scale = 2 * self.largest / self.T
         h = max(self.level.found.g, 4 * self.model.order * scale)
         for _ in range(64):
@@ -170,13 +185,19 @@ class _Observer:
         candidates.append(4 * self.mix)
         own = (self.level.found.b.hi * self.feedback.K * self.e2) ** 2
         candidates.append(sqrt_up(8 * strength * own))
-        candidates.append(8 * strength * self.level.found.f_reference**2 * self.model.references.energy / self.level.slack)
+        candidates.append(
+            8 * strength * self.level.found.f_reference**2 * self.model.references.energy / self.level.slack
+        )
         return round_up(max(candidates))
 
     def dissipation(self, h: Fraction) -> dict[str, Fraction]:
         """What is left of every block's dissipation at this ``h``; the error's is per ``‖e‖²``."""
         beta = 12 * self.p3**2 / h
-        names = [n for n, a in (("z", self.feedback.a_z), ("x", self.feedback.a_x), ("eta", self.feedback.a_eta)) if a is not None]
+        names = [
+            n
+            for n, a in (("z", self.feedback.a_z), ("x", self.feedback.a_x), ("eta", self.feedback.a_eta))
+            if a is not None
+        ]
         left = {
             name: a - beta * square for name, (a, square) in zip([*names, "vartheta"], self._demands(), strict=True)
         }
@@ -196,10 +217,16 @@ def _initial_estimation_error(model: AgentModel) -> Row:
 def _rate(
     matrices: LyapunovMatrices, found: Constants, feedback: StateFeedback, left: dict[str, Fraction] | None
 ) -> Fraction:
-    """A proved rate of ``‖(X, e)‖ ~ e^(−rate t)`` once the references stand still: half the least dissipation over weight."""
+    """A proved rate of ``‖(X, e)‖ ~ e^(−rate t)`` once the references stand still: half the least dissipation over
+    weight."""
     left = left or {
         name: a
-        for name, a in (("z", feedback.a_z), ("x", feedback.a_x), ("eta", feedback.a_eta), ("vartheta", feedback.a_vartheta))
+        for name, a in (
+            ("z", feedback.a_z),
+            ("x", feedback.a_x),
+            ("eta", feedback.a_eta),
+            ("vartheta", feedback.a_vartheta),
+        )
         if a is not None
     }
     weights = {

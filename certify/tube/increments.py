@@ -42,7 +42,8 @@ class Increments:
         return compile_expression(sympy.diff(expression, x), self.symbols)
 
     def slopes(self, z: np.ndarray, x: np.ndarray, moment: Moment) -> Slopes:
-        """Slopes over the box of magnitudes ``z, x`` of ``z̄, x̄``, coordinate by coordinate: ``x_n`` first, ``z`` last."""
+        """Slopes over the box of magnitudes ``z, x`` of ``z̄, x̄``, coordinate by coordinate: ``x_n`` first, ``z``
+        last."""
         zs = [widen(steady, bound) for steady, bound in zip(moment.steady, z, strict=True)]
         moved = [hull(self.optimum, widen(moment.reference, x[0])), *(symmetric(bound) for bound in x[1:])]
         rest = [self.optimum] + [REST] * (self.order - 1)
@@ -50,10 +51,10 @@ class Increments:
         along = [
             enclose(self.f1[self.zeros + k], [*zs, *moved[: k + 1], *rest[k + 1 :], *others]) for k in range(self.order)
         ]
-        f1 = [enclose(self.f1[k], [*zs, *rest, *others]) for k in range(self.zeros)] + along
+        at_rest = [*zs, *rest, *others]
+        f1 = [*(enclose(self.f1[k], at_rest) for k in range(self.zeros)), *along]
         f0 = [
-            tuple(enclose(program, [*zs, *rest, *others]) for program in row[:-1])
-            + (enclose(row[-1], [*zs, moved[0], *rest[1:], *others]),)
+            (*(enclose(slope, at_rest) for slope in row[:-1]), enclose(row[-1], [*zs, moved[0], *rest[1:], *others]))
             for row in self.f0
         ]
         return Slopes(tuple(f0), tuple(f1))

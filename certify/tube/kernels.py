@@ -1,6 +1,7 @@
 """Majorants ``Σ_a c_a e^{−μ_a t}`` of the nominal loop's impulse responses (docs/certificate-direct.md section 2).
 
-Sums of absolute values of modes lose a factor of three to ten where slow modes nearly cancel; the least majorant is within a
+Sums of absolute values of modes lose a factor of three to ten where slow modes nearly cancel; the least majorant is
+within a
 factor of two of the true response. It is a small linear program per pair of output and column.
 """
 
@@ -23,7 +24,8 @@ NEGLIGIBLE = 1e-6
 
 @dataclass(frozen=True)
 class Kernels:
-    """``|(C e^{At} J)_ij| ≤ Σ_a coefficients[i, j, a] e^{−rates[a] t}``; ``inputs`` is the number of columns ``B_j``."""
+    """``|(C e^{At} J)_ij| ≤ Σ_a coefficients[i, j, a] e^{−rates[a] t}``; ``inputs`` is the number of columns
+    ``B_j``."""
 
     rates: np.ndarray
     coefficients: np.ndarray
@@ -54,7 +56,9 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
     for i in range(bound.shape[0]):
         for j in range(bound.shape[1]):
             coefficients[i, j] = _least_majorant(bound[i, j], decay, rates)
-            coefficients[i, j, 0] += ROUNDING * size[i, j] + _tail_excess(modes, i, j, rates[0], ends[-1], coefficients[i, j, 0])
+            coefficients[i, j, 0] += ROUNDING * size[i, j] + _tail_excess(
+                modes, i, j, rates[0], ends[-1], coefficients[i, j, 0]
+            )
     return Kernels(rates, coefficients, inputs)
 
 
@@ -124,7 +128,9 @@ def _least_majorant(bound: np.ndarray, decay: np.ndarray, rates: np.ndarray) -> 
     groups = -(-len(floor) // GROUP)
     need = np.array([floor[k * GROUP : (k + 1) * GROUP].max() for k in range(groups)])
     have = np.array([decay[min((k + 1) * GROUP, len(floor)) - 1] for k in range(groups)])
-    result = linprog(1 / rates + 1e-3 / rates[0], A_ub=-have / need[:, None], b_ub=-np.ones(groups), bounds=(0, None), method="highs")
+    result = linprog(
+        1 / rates + 1e-3 / rates[0], A_ub=-have / need[:, None], b_ub=-np.ones(groups), bounds=(0, None), method="highs"
+    )
     found = np.maximum(result.x, 0) if result.x is not None else np.eye(len(rates))[0] / have[-1, 0]
     ratio = float(np.max(floor / np.maximum(decay @ found, 1e-300)))
     return found * largest * max(ratio, 1.0) * (1 + MARGIN)

@@ -1,4 +1,5 @@
-"""The nominal closed loop of one agent in error coordinates ``X = (z̄, x̄, η̄, e)``, exact (docs/certificate-direct.md section 1)."""
+"""The nominal closed loop of one agent in error coordinates ``X = (z̄, x̄, η̄, e)``, exact
+(docs/certificate-direct.md section 1)."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ ZERO, ONE = Fraction(0), Fraction(1)
 
 @dataclass(frozen=True)
 class Nominal:
-    """Nominal slopes: ``f0`` in ``(z, x1)`` (``nz × (nz+1)``), ``f1`` in ``(z, x)`` (``nz + n``), and the input gain ``b``."""
+    """Nominal slopes: ``f0`` in ``(z, x1)`` (``nz × (nz+1)``), ``f1`` in ``(z, x)`` (``nz + n``), and the input gain
+    ``b``."""
 
     f0: Matrix
     f1: Row

@@ -1,4 +1,5 @@
-"""Real modes of the nominal loop to high precision, and the block diagonal matrix they leave (docs/certificate-direct.md section 2)."""
+"""Real modes of the nominal loop to high precision, and the block diagonal matrix they leave
+(docs/certificate-direct.md section 2)."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ WITNESS_BITS = 96
 
 @dataclass(frozen=True)
 class Modes:
-    """``H`` (exact, columns are modes), block sizes, and floats: eigenvalues per column, ``C' = C H``, ``J' = H⁻¹[B | I]``.
+    """``H`` (exact, columns are modes), block sizes, and floats: eigenvalues per column, ``C' = C H``,
+    ``J' = H⁻¹[B | I]``.
 
     Eigenvalues of a block of size 2 are ``σ ± iω`` on its two columns.
     """
@@ -52,7 +54,12 @@ def modes(loop: Loop) -> Modes | None:
         C = arb_mat([[_ball(entry) for entry in row] for row in loop.outputs]) * exact
         B = arb_mat([[_ball(row[i]) for row in loop.columns] for i in range(size)])
         return Modes(
-            H, blocks, np.array(decay), np.array(frequency), _floats(C), np.hstack([_floats(inverse * B), _floats(inverse)])
+            H,
+            blocks,
+            np.array(decay),
+            np.array(frequency),
+            _floats(C),
+            np.hstack([_floats(inverse * B), _floats(inverse)]),
         )
 
 

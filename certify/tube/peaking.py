@@ -35,7 +35,8 @@ class InitialMagnitudes:
 
 @dataclass(frozen=True)
 class ObserverNorm:
-    """``E3ᵀP + PE3 + 2κP ⪯ 0``, proved for the exact values; ``√(P⁻¹)_ii`` and ``√P_nn`` are what the error bound needs."""
+    """``E3ᵀP + PE3 + 2κP ⪯ 0``, proved for the exact values; ``√(P⁻¹)_ii`` and ``√P_nn`` are what the error bound
+    needs."""
 
     exact: Matrix
     exact_rate: Fraction
@@ -132,7 +133,9 @@ def peaking(
         z, x, eta = box[:nz], box[nz : nz + n], box[nz + n :]
         S, s = residuals(increments.slopes(z, x, moment), none0, none1, nz)
         q = S @ box[: nz + n] + s * moment.deviation
-        speed = np.concatenate([q[:nz], x[1:], [q[nz] + b * (delta + np.abs(psi) @ eta)], drift @ eta + np.abs(N) * delta])
+        speed = np.concatenate(
+            [q[:nz], x[1:], [q[nz] + b * (delta + np.abs(psi) @ eta)], drift @ eta + np.abs(N) * delta]
+        )
         speed[nz] += moment.rate if n > 1 else 0.0
         return speed * MARGIN
 

@@ -11,7 +11,9 @@ from certify.tube.trial import AgentTrials, Trial, TrialFailure
 from symbolic.plant import RequestedGains
 
 FIRST_G = (Fraction(2), Fraction(3), Fraction(1))
-LADDER = tuple(Fraction(k) for k in (60, 90, 130, 200, 300, 450, 700, 1000, 1500, 2200, 3300, 5000, 10000, 30000, 100000))
+LADDER = tuple(
+    Fraction(k) for k in (60, 90, 130, 200, 300, 450, 700, 1000, 1500, 2200, 3300, 5000, 10000, 30000, 100000)
+)
 START = 7
 RATIOS = tuple(Fraction(k) for k in (25, 50, 100, 200, 400, 1000))
 FIRST_RATIO = 3

@@ -71,7 +71,9 @@ class Comparison:
         S, s = residuals(slopes, self.feedback.f0, self.feedback.f1, zeros)
         q = S @ box[: self.plant] + s * moment.deviation
         if self.gain_error > 0:
-            q[zeros] += self.gain_error * (self.feedback.K * box[self.plant] + (box[self.plant + 1] if len(box) > self.plant + 1 else 0))
+            q[zeros] += self.gain_error * (
+                self.feedback.K * box[self.plant] + (box[self.plant + 1] if len(box) > self.plant + 1 else 0)
+            )
         return np.append(q, moment.rate) * DRIVE_MARGIN
 
     def drive(self, q: np.ndarray) -> np.ndarray:
@@ -86,11 +88,13 @@ class Comparison:
 
 
 def tube(comparison: Comparison, surroundings: Surroundings, state: np.ndarray, begin: float) -> Tube | TubeFailure:
-    """Boxes from ``begin`` to the end of the coordinator's grid, and the tail; or the time at which no box was found."""
+    """Boxes from ``begin`` to the end of the coordinator's grid, and the tail; or the time at which no box was
+    found."""
     p = comparison.start(state)
     time, length = begin, max(begin / 4, 0.25 / float(comparison.kernels.rates.max()))
     shortest = length * SMALLEST_STEP_RATIO
-    grid, boxes = [time], []
+    grid = [time]
+    boxes: list[np.ndarray] = []
     while time < surroundings.horizon:
         if len(boxes) >= MOST_STEPS:
             return TubeFailure(time, f"more than {MOST_STEPS} steps")
@@ -119,7 +123,9 @@ def _short(length: float) -> float:
     return float(np.ldexp(np.floor(mantissa * 4096) / 4096, exponent))
 
 
-def _box(comparison: Comparison, p: np.ndarray, moment: Moment, length: float) -> tuple[np.ndarray, np.ndarray, int] | None:
+def _box(
+    comparison: Comparison, p: np.ndarray, moment: Moment, length: float
+) -> tuple[np.ndarray, np.ndarray, int] | None:
     box = p.sum(axis=1) * INFLATION + 1e-9
     for rounds in range(60):
         following, reached = comparison.step(p, box, moment, length)

@@ -1,4 +1,5 @@
-"""What an agent sees at a time: ranges of the exosystem, the reference and the steady state (docs/certificate-direct.md section 3)."""
+"""What an agent sees at a time: ranges of the exosystem, the reference and the steady state
+(docs/certificate-direct.md section 3)."""
 
 from __future__ import annotations
 
@@ -67,19 +68,28 @@ class Surroundings:
         """The moment that covers everything after the coordinator's grid."""
         deviation = float(self.agent.tail_deviation)
         reference = widen(self.optimum, deviation)
-        return Moment(self.limits, reference, self.steady(self.optimum, self.limits), deviation, float(self.agent.tail_rate))
+        return Moment(
+            self.limits, reference, self.steady(self.optimum, self.limits), deviation, float(self.agent.tail_rate)
+        )
 
     def at_start(self) -> Moment:
         """The moment ``t = 0`` itself."""
         v = tuple(floats(side) for side in self.model.exosystem.initial)
         moment = self.during(0.0, self.step)
-        return Moment(v, floats(self.model.agent.initial.reference), self.steady(self.optimum, v), moment.deviation, moment.rate)
+        return Moment(
+            v, floats(self.model.agent.initial.reference), self.steady(self.optimum, v), moment.deviation, moment.rate
+        )
 
     def _exosystem(self, start: float, end: float) -> tuple[Range, ...]:
         if not len(self.S):
             return ()
         points = [self._flow(start), self._flow(end)]
-        bend = (end - start) ** 2 / 8 * np.abs(self.S @ self.S) @ np.array([max(abs(lo), abs(hi)) for lo, hi in self.limits])
+        bend = (
+            (end - start) ** 2
+            / 8
+            * np.abs(self.S @ self.S)
+            @ np.array([max(abs(lo), abs(hi)) for lo, hi in self.limits])
+        )
         return tuple(
             (
                 max(min(lo[k] for lo, _ in points) - bend[k], self.limits[k][0]),
@@ -98,7 +108,9 @@ class Surroundings:
         last = int(np.ceil(end / self.step * (1 + 1e-12)))
         inside = slice(min(first, len(self.rate)), min(last, len(self.rate)))
         reference, deviation, rate = (inf, -inf), 0.0, 0.0
-        for side, distance, speed in zip(self.reference[inside], self.deviation[inside], self.rate[inside], strict=True):
+        for side, distance, speed in zip(
+            self.reference[inside], self.deviation[inside], self.rate[inside], strict=True
+        ):
             reference, deviation, rate = hull(reference, side), max(deviation, distance), max(rate, speed)
         if last > len(self.rate):
             later = widen(self.optimum, float(self.agent.tail_deviation))
@@ -143,5 +155,3 @@ def steady_trajectory_range(model: AgentModel) -> np.ndarray:
     eta = model.agent.initial.eta.magnitude
     rows = [sum((Fraction(t) * tau for t, tau in zip(row, im.tau, strict=True)), Fraction(0)) for row in im.T]
     return np.array([float(eta + magnitude_bound(row, model.initial_exogenous_box).value) for row in rows])
-
-

@@ -1,4 +1,5 @@
-"""One trial of given gains: loop, modes, kernels, peaking, tube; the saturation level follows (docs/certificate-direct.md)."""
+"""One trial of given gains: loop, modes, kernels, peaking, tube; the saturation level follows
+(docs/certificate-direct.md)."""
 
 from __future__ import annotations
 
@@ -95,7 +96,8 @@ class AgentTrials:
         return Feedback(f0, np.array([float(x) for x in self.nominal.f1]), float(self.nominal.b), float(gains.K))
 
     def _peaked(self, comparison: Comparison, gains: LoopGains, level: float) -> Peaked | str:
-        """The state after the peaking phase of the length that leaves the least ``|ϑ̃|``, for the saturation level ``level``."""
+        """The state after the peaking phase of the length that leaves the least ``|ϑ̃|``, for the saturation level
+        ``level``."""
         if self.model.order == 1:
             return Peaked(0.0, np.concatenate([self.initial.z, self.initial.x, self.initial.eta]))
         assert gains.h is not None and self.observer_norm is not None
