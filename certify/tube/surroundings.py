@@ -9,7 +9,6 @@ from itertools import product
 from math import inf
 
 import numpy as np
-import scipy.linalg
 
 from certify.agent_model import AgentModel
 from certify.bounds.balls import compile_expression
@@ -46,6 +45,8 @@ class Surroundings:
         self.limits = tuple(floats(side) for side in model.disturbance)
         exosystem = model.exosystem
         self.S = np.array(exosystem.S.tolist(), dtype=float).reshape(len(exosystem.states), len(exosystem.states))
+        self.spectrum, self.modes = np.linalg.eig(self.S) if len(self.S) else (np.zeros(0), self.S)
+        self.inverse_modes = np.linalg.inv(self.modes) if len(self.S) else self.S
         ends = [floats(side) for side in exosystem.initial]
         self.centre = np.array([(lo + hi) / 2 for lo, hi in ends])
         self.radius = np.array([(hi - lo) / 2 for lo, hi in ends])
@@ -99,7 +100,7 @@ class Surroundings:
         )
 
     def _flow(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        flow = scipy.linalg.expm(self.S * time)
+        flow = ((self.modes * np.exp(self.spectrum * time)) @ self.inverse_modes).real
         middle, spread = flow @ self.centre, np.abs(flow) @ self.radius + SAFETY
         return middle - spread, middle + spread
 
