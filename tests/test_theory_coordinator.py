@@ -1,4 +1,4 @@
-"""theory.md section 7, the coordinator's rows: F4 (what is no equilibrium), F5 (what is conserved), F13 (which pairs are stable)."""
+"""theory.md section 7: F4 (what is no equilibrium), F5 (what is conserved), F13 (which pairs are stable)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def slopes(plant: Plant, s: sympy.Expr) -> sympy.Matrix:
 
 
 def test_f4_the_printed_equilibrium_moves_at_once(five_agents: Plant) -> None:
-    """At ``(s*·1, ζ̄)``: ``ẏ^r = (1/r_i − 1/ξ_i^i) c_i'(s*)``, which is not 0 at ``ξ(0) = I`` although it is at ``ξ = r``."""
+    """At ``(s*·1, ζ̄)``: ``ẏ^r = (1/r_i − 1/ξ_i^i) c_i'(s*)``, not 0 at ``ξ(0) = I``, 0 at ``ξ = r``."""
     L, r = exact(five_agents)
     alpha1, alpha2 = sympy.symbols("alpha1 alpha2", positive=True)
     c = slopes(five_agents, sympy.Integer(2))
@@ -83,10 +83,10 @@ def test_f4_every_entry_of_xi_dips_below_its_limit(five_agents: Plant) -> None:
 
 
 def test_f5_the_sum_is_conserved_and_decides_where_the_outputs_settle(five_agents: Plant) -> None:
-    """``rᵀζ' = 0``; at rest ``Ly = 0`` and ``Σ c_i'(s) = −α2 rᵀζ(0)``: with ``ζ(0) = ½·1`` the example settles at ``2 − α2/5``."""
+    """``rᵀζ' = 0``; at rest ``Σ c_i'(s) = −α2 rᵀζ(0)``: from ``ζ(0) = ½·1`` it settles at ``2 − α2/5``."""
     L, r = exact(five_agents)
     alpha2, s = sympy.symbols("alpha2 s", real=True)
-    assert r.T * L == sympy.zeros(1, 5)
+    assert (r.T * L).is_zero_matrix
     assert L.rank() == 4 and L * sympy.ones(5, 1) == sympy.zeros(5, 1)  # Ly = 0 exactly for y = s·1
     zeta = sympy.Matrix(sympy.symbols("zeta1:6", real=True))
     rest = -slopes(five_agents, s).multiply_elementwise(r.applyfunc(lambda x: 1 / x)) - alpha2 * zeta
@@ -94,7 +94,7 @@ def test_f5_the_sum_is_conserved_and_decides_where_the_outputs_settle(five_agent
     assert sympy.expand(total + sum(slopes(five_agents, s)) + alpha2 * (r.T * zeta)[0, 0]) == 0
     (settled,) = sympy.solve(total.subs({z: sympy.Rational(1, 2) for z in zeta}), s)
     assert sympy.expand(settled - (2 - alpha2 / 5)) == 0
-    assert sympy.solve(total.subs({z: 0 for z in zeta}), s) == [2]
+    assert sympy.solve(total.subs(dict.fromkeys(zeta, 0)), s) == [2]
 
 
 # F13

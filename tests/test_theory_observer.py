@@ -1,4 +1,4 @@
-"""theory.md section 7, the observer rows: F7 (how fast ``We`` decays) and F8 (how large ``e`` may be on ``{We ≤ ε/2}``)."""
+"""theory.md section 7, the observer: F7 (how fast ``We`` decays) and F8 (how large ``e`` may be on ``{We ≤ ε/2}``)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def observer(order: int) -> sympy.Matrix:
 def test_f7_the_energy_decays_at_the_largest_eigenvalue(proved: bool) -> None:
     """For ``(s+1)³`` at ``ht = 1.97`` the worst ``We(t)/We(0)`` is 0.533; the paper's rate claims 0.0067.
 
-    With ``λ_max`` the claim is 0.797, and it holds at every time; the paper's fails for every ``P3``, the project's too.
+    With ``λ_max`` the claim is 0.797, and it holds at every time; the paper's fails for the project's ``P3`` too.
     """
     E3 = observer(3)
     P3 = lyapunov_equation(E3)

@@ -1,4 +1,4 @@
-"""theory.md section 7, the rows on zero dynamics and parameters: F1 (A6 is not enough), F2 (the circle of ``μ``), F18 (``0 ∈ W``)."""
+"""theory.md section 7: F1 (A6 is not enough), F2 (the circle of ``μ``), F18 (the origin and ``W``)."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ COORDINATOR = (3, 2)  # α1, α2: with (1, 1) even the start at 3 escapes, later
 
 
 def escapes(start: float, g: float | None, K: float = 0) -> float | None:
-    """The time of escape with the state feedback ``u = −K(gx̄1 + x2)`` from ``y^r(0) = x1(0) = z1(0) = start``; None if there is none.
+    """The time of escape from ``y^r(0) = x1(0) = z1(0) = start`` with ``u = −K(gx̄1 + x2)``; None if there is none.
 
     ``g is None``: perfect tracking, ``x1 ≡ y^r``, the limit of infinite gain.
     """
@@ -102,7 +102,7 @@ def escapes(start: float, g: float | None, K: float = 0) -> float | None:
 
 @pytest.mark.parametrize(("g", "K"), [(5, 100), (30, 1e4), (1000, 1e7), (None, 0)])
 def test_f1_no_gain_prevents_the_escape(g: float | None, K: float) -> None:
-    """From 10 the state escapes at ``t ≈ 0.31`` whatever the gains; from 3 it converges. ``f̂0(y^r)`` is the coordinator's."""
+    """From 10 the state escapes at ``t ≈ 0.31`` whatever the gains; from 3 it does not."""
     end = escapes(10, g, K)
     assert end is not None and end == pytest.approx(0.31, abs=0.05)
     assert escapes(3, g, K) is None
@@ -134,10 +134,11 @@ def test_f1_the_box_that_escapes_is_not_certified(lyapunov: str | None) -> None:
 
 
 def test_f2_the_required_weight_outgrows_the_level() -> None:
-    """On ``{V0 ≤ c}`` ``ς1 = √(1 + 4c)`` exactly, and ``ς3 ≥ 1``, ``a0 = 1``: ``ς10 ≥ 1 + 4c`` grows as fast as ``c = (4 + μ)Σc̄``.
+    """On ``{V0 ≤ c}`` ``ς1 = √(1 + 4c)`` exactly, and ``ς3 ≥ 1``, ``a0 = 1``: ``ς10 ≥ 1 + 4c`` grows like ``c``.
 
-    ``μς0 > ς10 ≥ 1 + 4c ≥ 4μc̄`` needs ``c̄ < ς0/4``. But ``Ṽ' ≤ −ς0 ỹ²`` with ``ỹ' = −ỹ`` from ``R̄`` means
-    ``c̄ ≥ Ṽ(R̄) ≥ ς0 R̄²/2``, so no ``μ`` exists for ``R̄ ≥ 1``, whatever ``Ṽ`` and its ``ς0`` are.
+    With ``c = (4 + μ)c̄``, ``μς0 > ς10 ≥ 1 + 4c ≥ 4μc̄`` needs ``c̄ < ς0/4``. But ``Ṽ' ≤ −ς0 ỹ²`` with
+    ``ỹ' = −ỹ`` from ``R̄`` means ``c̄ ≥ Ṽ(R̄) ≥ ς0 R̄²/2``, so no ``μ`` exists for ``R̄ ≥ 1``,
+    whatever ``Ṽ`` and its ``ς0`` are.
     """
     z, y, c = sympy.symbols("z y c", positive=True)
     V0 = z**2 / 2 + z**4 / 4
