@@ -12,7 +12,8 @@ from typing import Any
 
 from certify.assumptions.check import check_assumptions
 from certify.assumptions.findings import CheckReport
-from certify.certificate import DIRECT, RECIPE, Json, claim_digest, number
+from certify.certificate import DIRECT, RECIPE, Json, canonical, claim_digest, number
+from certify.checker import check as independent_check
 from certify.network_certificate import network_certificate
 from certify.preparation import Prepared, Report, Stopped, prepare
 from certify.recipe.route import recipe_agent
@@ -50,9 +51,14 @@ def design_gains(
     certificate = network_certificate(
         THEOREMS[route], plant, found.enclosure, disturbance.Q or (), coordinator, parts, tool_versions()
     )
+    progress("checking the certificate")
+    verdict = independent_check(plant.source, canonical(certificate) + b"\n")
+    if verdict.status != "verified":
+        complaint = f"the checker does not accept the certificate: {verdict.obligation}: {verdict.detail}"
+        return _without_certificate("inconclusive", complaint, route, results, prepared)
     return GainsResult(
         "certified",
-        "every obligation was proved",
+        "every obligation was proved by the independent checker",
         route,
         certificate,
         _summary("certified", route, certificate, results),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import sympy
@@ -120,7 +120,10 @@ class RequestedGains:
 
 @dataclass(frozen=True)
 class Plant:
-    """One plant file. ``sha256`` is the digest of the file's bytes, which a certificate is bound to."""
+    """One plant file. ``sha256`` is the digest of its bytes ``source``, which a certificate is bound to.
+
+    ``source`` is empty for a plant that was not read from a file; nothing can be certified about that one.
+    """
 
     name: str
     digraph: Digraph
@@ -130,6 +133,7 @@ class Plant:
     alpha1: Fraction | None = None
     alpha2: Fraction | None = None
     gains: RequestedGains = RequestedGains()
+    source: bytes = field(default=b"", repr=False, compare=False)
 
 
 def symbol(name: str) -> sympy.Symbol:
