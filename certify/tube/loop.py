@@ -98,7 +98,7 @@ def nominal_loop(model: AgentModel, gains: LoopGains, nominal: Nominal) -> Loop:
             rows.append(row)
 
     columns = [_placed(size, {k: ONE}) for k in range(nz)]
-    columns.append(_placed(size, {x0 + n - 1: ONE, size - 1: ONE}))
+    columns.append(_placed(size, {x0 + n - 1: ONE, e0 + n - 1: ONE} if observer else {x0: ONE}))
     columns.append(_placed(size, {x0: -ONE}))
     outputs = [_placed(size, {k: ONE}) for k in range(nz + n)] + [estimate] + ([internal] if s else [])
     return Loop(_frozen(rows), _frozen(columns), _frozen(outputs), nz, n, s)
