@@ -19,6 +19,10 @@ GROUP = 3
 MARGIN = 1e-4
 ROUNDING = 1e-15
 SEPARATION = 1.25
+SHARES = (0.5, 0.7, 0.9, 1.5, 3.0, 10.0, 40.0)
+MOST_RATES = 16
+START_WEIGHT = 0.3
+INPUT_WEIGHT = 1e-3
 NEGLIGIBLE = 1e-6
 
 
@@ -40,13 +44,13 @@ class Kernels:
 def cells(modes: Modes) -> np.ndarray:
     """Ends of the cells, from 0 to beyond ``32/σ``, on which the majorants are checked."""
     fastest = float(np.max(np.hypot(modes.decay, modes.frequency)))
-    first = 2.0 ** np.floor(np.log2(1 / (64 * fastest)))
+    first = 1 / (64 * fastest)
     count = int(np.ceil(np.log(33 / float(modes.decay.min()) / first) / np.log(RATIO))) + 1
     return np.concatenate([[0.0], first * RATIO ** np.arange(count + 1)])
 
 
 def kernels(modes: Modes, inputs: int) -> Kernels:
-    """The majorants with the least ``Σ_a c_a/μ_a`` for every pair."""
+    """Small majorants for every pair: the columns of inputs count by their integral, those of the start also by their height."""
     ends = cells(modes)
     bound = _cell_bounds(modes, ends)
     rates = _rates(modes)
@@ -55,7 +59,8 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
     coefficients = np.zeros((*bound.shape[:2], len(rates)))
     for i in range(bound.shape[0]):
         for j in range(bound.shape[1]):
-            coefficients[i, j] = _least_majorant(bound[i, j], decay, rates)
+            weight = INPUT_WEIGHT if j < inputs else START_WEIGHT
+            coefficients[i, j] = _least_majorant(bound[i, j], decay, rates, weight)
             coefficients[i, j, 0] += ROUNDING * size[i, j] + _tail_excess(
                 modes, i, j, rates[0], ends[-1], coefficients[i, j, 0]
             )
@@ -63,14 +68,15 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
 
 
 def _rates(modes: Modes) -> np.ndarray:
+    """Rates well below the slowest mode let the sum follow modes that nearly coincide (``t e^{−σt}``)."""
     slowest = float(modes.decay.min())
-    candidates = [0.9 * slowest, 1.5 * slowest, 3 * slowest, *modes.decay, 0.6 * float(modes.decay.max())]
+    candidates = [*(share * slowest for share in SHARES), *modes.decay, 0.6 * float(modes.decay.max())]
     chosen: list[float] = []
     for rate in sorted(candidates):
         if not chosen or rate > SEPARATION * chosen[-1]:
             mantissa, exponent = np.frexp(rate)
             chosen.append(float(np.ldexp(np.floor(mantissa * 4096) / 4096, exponent)))
-    return np.array(chosen)
+    return np.array(chosen[: MOST_RATES - 1] + chosen[-1:] if len(chosen) > MOST_RATES else chosen)
 
 
 def _cell_bounds(modes: Modes, ends: np.ndarray) -> np.ndarray:
@@ -120,7 +126,8 @@ def _block_norms(modes: Modes) -> tuple[np.ndarray, np.ndarray]:
     return left, right
 
 
-def _least_majorant(bound: np.ndarray, decay: np.ndarray, rates: np.ndarray) -> np.ndarray:
+def _least_majorant(bound: np.ndarray, decay: np.ndarray, rates: np.ndarray, weight: float) -> np.ndarray:
+    """The majorant with the least integral plus ``weight`` times its value at 0 (in units of the slowest rate)."""
     largest = float(bound.max())
     if largest <= 0:
         return np.zeros(len(rates))
@@ -129,7 +136,11 @@ def _least_majorant(bound: np.ndarray, decay: np.ndarray, rates: np.ndarray) -> 
     need = np.array([floor[k * GROUP : (k + 1) * GROUP].max() for k in range(groups)])
     have = np.array([decay[min((k + 1) * GROUP, len(floor)) - 1] for k in range(groups)])
     result = linprog(
-        1 / rates + 1e-3 / rates[0], A_ub=-have / need[:, None], b_ub=-np.ones(groups), bounds=(0, None), method="highs"
+        1 / rates + weight / rates[0],
+        A_ub=-have / need[:, None],
+        b_ub=-np.ones(groups),
+        bounds=(0, None),
+        method="highs",
     )
     found = np.maximum(result.x, 0) if result.x is not None else np.eye(len(rates))[0] / have[-1, 0]
     ratio = float(np.max(floor / np.maximum(decay @ found, 1e-300)))
