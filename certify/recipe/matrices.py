@@ -8,11 +8,13 @@ from fractions import Fraction
 from certify.agent_model import AgentModel, LyapunovMatrices, Row
 from certify.assumptions.a6_zero_dynamics import prove_zero_dynamics
 from certify.assumptions.given_lyapunov import Accepted
+from certify.bounds.rationals import round_down
 from certify.inequalities.lyapunov import LyapunovProof, solve_lyapunov
 from certify.inequalities.matrices import Matrix
 from symbolic.steady_state import SteadyState
 
 FREE_DECAY = Fraction(4)
+ENCLOSURE_MARGIN = 1 - Fraction(1, 1 << 24)  # A6 must hold for an outward-rounded enclosure of ∂f0/∂z, not only for it
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ def lyapunov_matrices(model: AgentModel, steady_state: SteadyState) -> LyapunovM
                 f"V0 = {found.V0} is not quadratic: A6 alone does not bound the drive of the references (F1), "
                 "and this route bounds it for quadratic V0 only"
             )
-        V0, a0 = found.P, found.a0
+        V0, a0 = found.P, round_down(found.a0 * ENCLOSURE_MARGIN, 48)
     blocks = {
         "P1 (γ)": chain_matrix(model.gamma),
         "P2 (M)": model.internal_model.M,
