@@ -8,7 +8,7 @@ from fractions import Fraction
 from certify.agent_model import AgentModel
 from certify.bounds.rationals import round_down, round_up
 from certify.certificate import Json, expression, number, numbers, rows
-from certify.tube.peaking import STEPS, ObserverNorm
+from certify.tube.peaking import STEPS
 from certify.tube.trial import Trial
 from symbolic.controller import AgentController
 
@@ -16,8 +16,8 @@ BOX_BITS = 16
 KERNEL_BITS = 24
 
 
-def tube_witness(model: AgentModel, trial: Trial, norm: ObserverNorm | None) -> Json:
-    observed = model.order > 1
+def tube_witness(model: AgentModel, trial: Trial) -> Json:
+    observed, norm = model.order > 1, trial.peaked.norm
     return {
         "id": number(model.agent.id),
         "steady_state": [expression(component) for component in model.steady_state],

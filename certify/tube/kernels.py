@@ -50,7 +50,7 @@ def cells(modes: Modes) -> np.ndarray:
 
 
 def kernels(modes: Modes, inputs: int) -> Kernels:
-    """Small majorants for every pair: the columns of inputs count by their integral, those of the start also by their height."""
+    """Small majorants for every pair: input columns count by their integral, start columns by height too."""
     ends = cells(modes)
     bound = _cell_bounds(modes, ends)
     rates = _rates(modes)

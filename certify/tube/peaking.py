@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -21,6 +22,7 @@ STEPS = 8
 INFLATION = 1.05
 MARGIN = 1.002
 RATE_SHARE = 0.99
+NORM_SHARES = (0.4, 0.6, 0.8, 0.9, 0.95)
 
 
 @dataclass(frozen=True)
@@ -71,53 +73,54 @@ def initial_magnitudes(model: AgentModel, surroundings: Surroundings) -> Initial
     return InitialMagnitudes(np.array(z), np.array(x), steady_trajectory_range(model), np.array(estimate))
 
 
-def observer_norm(observer: Matrix) -> ObserverNorm | None:
-    """The norm with the least bound of the last component driven by ``e_n``, over a few decay rates."""
+def observer_norms(observer: Matrix) -> tuple[ObserverNorm, ...]:
+    """For several decay rates the norm with the least bound of the last component driven by ``e_n``.
+
+    A fast norm forgets the initial error sooner, a slow one bounds what the plant stirs up better.
+    """
+    slowest = -float(np.linalg.eigvals(to_float(observer)).real.max())
+    found = (_observer_norm(observer, share * slowest) for share in NORM_SHARES)
+    return tuple(norm for norm in found if norm is not None)
+
+
+def _observer_norm(observer: Matrix, rate: float) -> ObserverNorm | None:
     size, E3 = len(observer), to_float(observer)
-    slowest = -float(np.linalg.eigvals(E3).real.max())
     B, C = np.eye(size)[:, [-1]], np.eye(size)[-1]
-    best: tuple[float, ObserverNorm] | None = None
-    for share in (0.4, 0.6, 0.8):
-        rate = share * slowest
-        Q = cp.Variable((size, size), symmetric=True)
-        constraints = [
-            E3 @ Q + Q @ E3.T + 2 * rate * Q << -1e-6 * np.eye(size),
-            cp.bmat([[np.ones((1, 1)), B.T], [B, Q]]) >> 0,
-        ]
-        outcome = solve(cp.Problem(cp.Minimize(cp.sum(C @ Q @ C) + 1e-3 * cp.trace(Q)), constraints))
-        if not outcome.has_values or Q.value is None:
-            continue
-        P = np.linalg.inv(Q.value)
-        P = (P + P.T) / 2
-        cost = float(C @ Q.value @ C) ** 0.5 * float(P[-1, -1]) ** 0.5 / rate
-        exact_rate = round_down(Fraction(RATE_SHARE * rate), 12)
-        zero = scale(0, observer)
-        for exact in roundings(P):
-            if why_not_lyapunov([observer], exact, zero, exact_rate) is None:
-                if best is None or cost < best[0]:
-                    best = (cost, ObserverNorm(exact, exact_rate))
-                break
-    return None if best is None else best[1]
+    Q = cp.Variable((size, size), symmetric=True)
+    constraints = [
+        E3 @ Q + Q @ E3.T + 2 * rate * Q << -1e-6 * np.eye(size),
+        cp.bmat([[np.ones((1, 1)), B.T], [B, Q]]) >> 0,
+    ]
+    outcome = solve(cp.Problem(cp.Minimize(cp.sum(C @ Q @ C) + 1e-3 * cp.trace(Q)), constraints))
+    if not outcome.has_values or Q.value is None:
+        return None
+    P = np.linalg.inv(Q.value)
+    exact_rate, zero = round_down(Fraction(RATE_SHARE * rate), 12), scale(0, observer)
+    for exact in roundings((P + P.T) / 2):
+        if why_not_lyapunov([observer], exact, zero, exact_rate) is None:
+            return ObserverNorm(exact, exact_rate)
+    return None
 
 
 @dataclass(frozen=True)
 class Peaked:
-    """Magnitudes of ``X = (z̄, x̄, η̄, e)`` at ``T1``."""
+    """Magnitudes of ``X = (z̄, x̄, η̄, e)`` at ``T1``, and the norm of the observer error that gave them."""
 
     duration: float
     state: np.ndarray
+    norm: ObserverNorm | None = None
 
 
 def peaking(
     increments: Increments,
     surroundings: Surroundings,
     start: InitialMagnitudes,
-    norm: ObserverNorm,
+    norms: Sequence[ObserverNorm],
     h: float,
     delta: float,
     duration: float,
-) -> Peaked | None:
-    """Follow the magnitudes over ``[0, duration]``; ``None`` if a step has no box."""
+) -> tuple[Peaked, ...]:
+    """Follow the magnitudes over ``[0, duration]``, one result for each norm; none if a step has no box."""
     model = increments.model
     im, n = model.internal_model, model.order
     psi, N = np.array([float(x) for x in im.psi]), np.array([float(x) for x in im.N])
@@ -149,14 +152,22 @@ def peaking(
                 break
             box = np.maximum(box, following * INFLATION)
             if not np.all(np.isfinite(box)) or box.max() > 1e9:
-                return None
+                return ()
         else:
-            return None
+            return ()
         fastest = max(fastest, float(speed[nz + n - 1]))
         state = following
     initial = start.estimate * h ** np.arange(n - 1, -1, -1)
     if duration == 0:
-        return Peaked(0.0, np.concatenate([state, initial]))
+        return (Peaked(0.0, np.concatenate([state, initial]), norms[0]),)
+    return tuple(
+        Peaked(duration, np.concatenate([state, _estimation_error(norm, initial, fastest, h, duration)]), norm)
+        for norm in norms
+    )
+
+
+def _estimation_error(norm: ObserverNorm, initial: np.ndarray, fastest: float, h: float, duration: float) -> np.ndarray:
+    """``|e_i(T1)|`` when ``|ẋ_n| ≤ fastest``."""
     energy = float(np.sqrt(initial @ np.abs(norm.P) @ initial))
     size = np.exp(-norm.rate * h * duration) * energy + np.sqrt(norm.P[-1, -1]) * fastest / (norm.rate * h)
-    return Peaked(duration, np.concatenate([state, norm.dual * size * MARGIN]))
+    return norm.dual * size * MARGIN

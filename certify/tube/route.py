@@ -44,7 +44,7 @@ def tube_agent(
         bounds=dict(zip(names, peak, strict=False)),
         alternatives=tuple(_alternative(choice) for choice in found[1:]),
     )
-    return result, controller, tube_witness(model, default, trials.observer_norm)
+    return result, controller, tube_witness(model, default)
 
 
 def _alternative(choice: Choice) -> Alternative:

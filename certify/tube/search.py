@@ -11,12 +11,12 @@ from certify.tube.trial import AgentTrials, Trial, TrialFailure
 from symbolic.plant import RequestedGains
 
 FIRST_G = (Fraction(2), Fraction(3), Fraction(1))
-LADDER = tuple(
-    Fraction(k) for k in (60, 90, 130, 200, 300, 450, 700, 1000, 1500, 2200, 3300, 5000, 10000, 30000, 100000)
-)
-START = 7
-RATIOS = tuple(Fraction(k) for k in (25, 50, 100, 200, 400, 1000))
-FIRST_RATIO = 3
+_RUNGS = "20 30 40 50 60 75 90 110 130 160 200 250 300 375 450 550 700 1000 1500 2200 3300 5000"
+LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
+HIGHER = tuple(Fraction(10) ** k for k in (4, 5, 6))
+START = LADDER.index(Fraction(1000))
+RATIOS = tuple(Fraction(k) for k in (12, 25, 40, 60, 100, 200, 400, 1000))
+FIRST_RATIO = 5
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class _Finder:
 
     def first(self) -> Trial | NoChoice:
         """Some gains that pass: upwards in ``K`` and ``h/K``."""
-        for K in LADDER[START:]:
+        for K in (*LADDER[START:], *HIGHER):
             for ratio in RATIOS[FIRST_RATIO:]:
                 for g in FIRST_G if self.trials.model.order > 1 else FIRST_G[-1:]:
                     found = self.attempt(g, K, ratio)

@@ -15,13 +15,13 @@ from certify.tube.increments import Increments, Slopes
 from certify.tube.kernels import Kernels, kernels
 from certify.tube.loop import LoopGains, Nominal, nominal_loop
 from certify.tube.modes import Modes, modes
-from certify.tube.peaking import InitialMagnitudes, ObserverNorm, Peaked, initial_magnitudes, observer_norm, peaking
+from certify.tube.peaking import InitialMagnitudes, ObserverNorm, Peaked, initial_magnitudes, observer_norms, peaking
 from certify.tube.ranges import Range
 from certify.tube.supersolution import Comparison, Feedback, Tube, TubeFailure, tube
 from certify.tube.surroundings import Surroundings
 
 NOMINAL_BITS = 8
-DURATIONS = (0.0, 6.0, 9.0, 12.0, 16.0, 20.0, 26.0, 34.0, 44.0, 60.0)
+DURATIONS = (0.0, 6.0, 9.0, 11.0, 13.0, 15.0, 17.0, 20.0, 26.0, 34.0, 44.0, 60.0)
 DELTA_MARGIN = 1.05
 DELTA_ROUNDS = 8
 LARGEST_LEVEL = 50
@@ -57,9 +57,9 @@ class AgentTrials:
         self.increments = Increments(model)
         self.initial: InitialMagnitudes = initial_magnitudes(model, self.surroundings)
         self.nominal = _nominal(self.increments, self.surroundings)
-        self.observer_norm: ObserverNorm | None = None
+        self.observer_norms: tuple[ObserverNorm, ...] = ()
         if model.order > 1:
-            self.observer_norm = observer_norm(observer_matrix(model.observer))
+            self.observer_norms = observer_norms(observer_matrix(model.observer))
 
     def attempt(self, gains: LoopGains, delta: Fraction | None = None) -> Trial | TrialFailure:
         """Try one set of gains; a ``delta`` that is left free is made as small as the tube allows."""
@@ -100,14 +100,15 @@ class AgentTrials:
         ``level``."""
         if self.model.order == 1:
             return Peaked(0.0, np.concatenate([self.initial.z, self.initial.x, self.initial.eta]))
-        assert gains.h is not None and self.observer_norm is not None
+        if not self.observer_norms:
+            return "no norm of the observer error was proved"
+        assert gains.h is not None
         h, best = float(gains.h), None
         bound = float(_short_up(level))
         for scaled in DURATIONS:
-            found = peaking(
-                self.increments, self.surroundings, self.initial, self.observer_norm, h, bound, _dyadic(scaled / h)
-            )
-            if found is not None:
+            for found in peaking(
+                self.increments, self.surroundings, self.initial, self.observer_norms, h, bound, _dyadic(scaled / h)
+            ):
                 left = float(comparison.start(found.state)[comparison.plant].sum())
                 best = (left, found) if best is None or left < best[0] else best
         return "the state escapes during the peaking phase" if best is None else best[1]
