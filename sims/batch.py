@@ -1,8 +1,8 @@
 """Many trajectories of one agent at once: Rodas5P over NumPy rows, every trajectory with its own step size.
 
 The method has order 5, is L-stable and takes the analytic Jacobian (``sims.rodas5p``). The saturation's kink is
-located: within a step the saturation is frozen inside or at a bound (``sims.stage_code``); when the argument has crossed
-a bound the step is cut at the crossing, found on the dense output, so no step ever runs over the kink. The same call
+located: within a step the saturation is frozen inside or at a bound (``sims.stage_code``); when the argument has left,
+the step is cut at the crossing, found on the dense output, so no step ever runs over the kink. The same call
 gives the same bits.
 """
 

@@ -1,7 +1,7 @@
 """The search for a counterexample: a start, parameters and a disturbance for which the claim does not hold.
 
 Behind the coordinator the agents do not see each other, so each is searched by itself. For every agent in turn:
-corners of ``W × box`` (with corners and inner points of ``V0`` and ``y^r(0)``), points inside and on faces, then SciPy's
+corners of ``W × box`` (with corners and inner points of ``V0``, ``y^r(0)``), points inside and on faces, then SciPy's
 differential evolution from the worst of them. What looks like a counterexample is run again by LSODA at tight
 tolerances (``sims.witness``) and only counts if that run agrees. Surviving proves nothing.
 """
@@ -23,6 +23,7 @@ from sims.bounds import SignalBound, margin
 from sims.coordinator import UpperLayer
 from sims.fate import BROKEN, amplitudes, judge, windows
 from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
+from sims.signal_pool import SignalPool
 from sims.signals import Array
 from sims.witness import Replay, Witness, gains_of, run_reference
 from symbolic.controller import Controller
@@ -35,7 +36,8 @@ Status = Literal["refuted", "survived", "inconclusive"]
 HORIZON = 40.0
 TOLERANCE = Fraction(1, 10_000)
 _CHUNK = 512
-_EXTENSION = 4
+_EXTENSION = 2
+_EXTENDED = 8
 _SHARED_CORNERS, _SHARED_INNER = 8, 4
 _OPTIONS = BatchOptions(max_steps=20_000, stop_at_escape=True)
 
@@ -60,8 +62,8 @@ class FalsifierResult:
     """``refuted`` with a witness, ``survived``, or ``inconclusive`` when next to nothing could be simulated.
 
     ``margin`` is the least of ``1 − |y − s*|/tolerance`` at the end of the runs and ``1 − |signal|/bound`` along them:
-    1 is best, below 0 something is broken, −inf for an escape; NaN if nothing was simulated. ``reason`` says it in
-    words.
+    1 is best, 0 says that some were still converging, below 0 something is broken, −inf for an escape; NaN if nothing
+    was simulated. ``reason`` says it in words.
     """
 
     status: Status
@@ -163,6 +165,7 @@ class _Search:
     ) -> None:
         self.loop, self.shared, self.say = loop, shared, say
         self.signals = loop.signals(layers)
+        self.longer: SignalPool | None = None
         self.box = agent_box(loop.agent, loop.law)
         self.horizon, self.tolerance = horizon, tolerance
         self.bounds = tuple(bound for bound in bounds if bound.agent == loop.agent.id)
@@ -253,14 +256,18 @@ class _Search:
         last = amplitudes(error, self.frame)[:, -1]
         scores = _scores(solution, last, closeness, self.horizon)
         suspects = []
-        slow = 0
+        slow = []
         for k in range(len(points)):
             fate = self._fate(solution, error, closeness, k)
-            slow += fate == "slow"
             if fate in BROKEN or fate == "bound":
                 suspects.append(k)
-        self._count(solution, last, closeness, slow)
-        for k in sorted(suspects, key=lambda k: -scores[k])[:3]:
+            elif fate == "slow":
+                slow.append(k)
+        self._count(solution, last, closeness)
+        if slow and not suspects:
+            suspects += self._given_time(sorted(slow, key=lambda k: -last[k]), members, points)
+        doubtful = np.flatnonzero(solution.status == FAILED)[:1]  # LSODA may get further
+        for k in [*sorted(suspects, key=lambda k: -scores[k])[:3], *doubtful]:
             if self._confirm(self.shared[members[k]], points[k]):
                 break
         return [float(score) for score in scores]
@@ -274,20 +281,41 @@ class _Search:
             return "failed"
         return judge(error[k], self.frame, float(self.tolerance))
 
-    def _count(self, solution: BatchSolution, last: Array, closeness: Array, slow: int) -> None:
+    def _given_time(self, slow: Sequence[int], members: Sequence[int], points: Sequence[AgentPoint]) -> list[int]:
+        """Those of the worst slow ones that do not converge in more time; the rest of them counts as undecided."""
+        horizon = _EXTENSION * self.horizon
+        if self.longer is None:
+            loop = self.loop
+            layers = [upper_layer(loop.plant, loop.controller, start, horizon) for start in self.shared]
+            self.longer = loop.signals(layers)
+        chosen = list(slow[:_EXTENDED])
+        frame = windows(self.loop.plant, horizon)
+        solution = self.loop.run(
+            self.longer, [members[k] for k in chosen], [points[k] for k in chosen], horizon, frame.times, _OPTIONS
+        )
+        error = solution.samples[:, self.loop.output_row] - self.loop.optimum
+        fates = [judge(row, frame, float(self.tolerance)) for row in error]
+        fates = ["escaped" if s == ESCAPED else fate for s, fate in zip(solution.status, fates, strict=True)]
+        undecided = sum(fate in ("slow", "failed") for fate in fates) + len(slow) - len(chosen)
+        if undecided:
+            self.tried = replace(self.tried, slow=self.tried.slow + undecided)
+            self.margin = min(self.margin, 0.0)
+        return [k for k, fate in zip(chosen, fates, strict=True) if fate in BROKEN]
+
+    def _count(self, solution: BatchSolution, last: Array, closeness: Array) -> None:
         done = solution.status == COMPLETED
         old = self.tried
         self.tried = replace(
             old,
             trajectories=old.trajectories + len(last),
             failed=old.failed + int((solution.status == FAILED).sum()),
-            slow=old.slow + slow,
             worst=float(max([old.worst, *last[done]])),
             peak=float(max([old.peak, *solution.peak[done]])),
         )
-        if done.any():
-            tail = 1.0 - float(last[done].max()) / float(self.tolerance)
-            self.margin = min(self.margin, tail, float(closeness[done].min()))
+        settled = done & (last <= float(self.tolerance))
+        if settled.any():
+            tail = 1.0 - float(last[settled].max()) / float(self.tolerance)
+            self.margin = min(self.margin, tail, float(closeness[settled].min()))
 
     def _confirm(self, shared: SharedPoint, point: AgentPoint) -> bool:
         """Run it by LSODA, longer if it completes: an oscillation has to last, a slow approach gets its time."""

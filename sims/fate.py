@@ -54,14 +54,14 @@ def amplitudes(error: Array, frame: Windows) -> Array:
 
 def judge(error: Array, frame: Windows, tolerance: float) -> Fate:
     """The fate of one completed trajectory by its output error ``y − s*`` at ``frame.times``."""
-    first, second, third = amplitudes(error, frame)
+    second, third = amplitudes(error, frame)[-2:]
     if not math.isfinite(third):
         return "failed"
     if third <= tolerance:
         return "converged"
     if third > _GROWTH * second:
         return "grows"
-    if third < _STEADY * second or third < _STEADY**2 * first:
+    if third < _STEADY * second:
         return "slow"
     last = error[-_PER_WINDOW:]
     return "oscillates" if np.ptp(last) > 0.1 * third else "offset"

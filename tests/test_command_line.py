@@ -372,10 +372,24 @@ def test_verify_rejects_another_plant(certify: Certify, certified: Certified) ->
     assert "another plant file" in answer.err
 
 
-def test_falsify_says_that_it_is_not_there(certify: Certify, certified: Certified) -> None:
-    answer = certify("falsify", certified.plant, certified.certificate, "--json")
-    assert (answer.code, answer.json["status"]) == (3, "inconclusive")
-    assert "not part of this version" in answer.json["reason"]
+def test_falsify_tells_the_margin_it_found(certify: Certify, certified: Certified) -> None:
+    answer = certify("falsify", certified.plant, certified.certificate, "--budget", "8", "--json")
+    assert (answer.code, answer.json["status"], answer.json["result"]) == (0, "holds", "survived")
+    assert 0 <= answer.json["margin"] < 1 and answer.json["witness"] is None
+    assert [tried["agent"] for tried in answer.json["tried"]] == [1, 2]
+
+
+def test_falsify_writes_the_witness_only_where_it_is_told(
+    certify: Certify, certified: Certified, tmp_path: Path
+) -> None:
+    path, file = tampered(certified, tmp_path), tmp_path / "witness.json"
+    answer = certify("falsify", certified.plant, path, "--budget", "8", "--json")
+    assert (answer.code, answer.json["status"]) == (1, "refuted")
+    assert answer.json["witness"]["schema"] == "consensus-witness/1"
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+    again = certify("falsify", certified.plant, path, "--budget", "8", "-o", file)
+    assert again.code == 1 and again.out.startswith("refuted: agent 1 ")
+    assert json.loads(file.read_text()) == answer.json["witness"]
 
 
 def test_simulate_runs_the_certified_gains(certify: Certify, certified: Certified, tmp_path: Path) -> None:

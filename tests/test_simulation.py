@@ -11,56 +11,20 @@ import matplotlib
 import numpy as np
 import pytest
 import sympy
+from closed_loops import controller_for, corner, with_gains
 
-from sims import Scenario, Trajectory, ensemble, estimated_optimum, nominal, random_scenario, simulate
+from sims import Trajectory, ensemble, estimated_optimum, nominal, random_scenario, simulate
 from sims.codegen import Saturation, compile_function
 from sims.equations import closed_loop_equations, compile_agent
 from symbolic.controller import AgentController, Controller
-from symbolic.design import design_polynomials
 from symbolic.errors import InputError
-from symbolic.internal_model import InternalModel, internal_model
 from symbolic.network import laplacian
-from symbolic.plant import COST_VARIABLE, Plant, symbol
+from symbolic.plant import Plant, symbol
 from symbolic.plant_file import parse_plant
-from symbolic.regulator import solve_regulator
-from symbolic.steady_state import SteadyState
 
 matplotlib.use("Agg")
 
 R = np.array([2.0, 4.0, 3.0, 1.0, 1.0]) / 11  # left null vector of the example's Laplacian
-
-
-def controller_for(
-    plant: Plant, g: float, K: float, h: float, delta: float, alpha: tuple[int, int] = (5, 5)
-) -> Controller:
-    """The derived internal models and default polynomials with the same gains for every agent."""
-    laws = []
-    for agent in plant.agents:
-        steady_state = solve_regulator(agent, plant.exosystem)
-        assert isinstance(steady_state, SteadyState)
-        model = internal_model(agent, plant.exosystem, steady_state, COST_VARIABLE)
-        assert isinstance(model, InternalModel)
-        design = design_polynomials(agent)
-        laws.append(
-            AgentController(
-                id=agent.id,
-                gamma=design.gamma,
-                observer=design.observer,
-                M=model.M,
-                N=model.N,
-                psi=model.psi,
-                g=Fraction(g),
-                K=Fraction(K),
-                delta=Fraction(delta),
-                h=Fraction(h) if agent.order > 1 else None,
-            )
-        )
-    return Controller(Fraction(alpha[0]), Fraction(alpha[1]), tuple(laws))
-
-
-def with_gains(controller: Controller, **gains: Any) -> Controller:
-    exact = {name: Fraction(value) for name, value in gains.items()}
-    return dataclasses.replace(controller, agents=tuple(dataclasses.replace(law, **exact) for law in controller.agents))
 
 
 def with_alpha(controller: Controller, alpha1: int, alpha2: int) -> Controller:
@@ -70,14 +34,6 @@ def with_alpha(controller: Controller, alpha1: int, alpha2: int) -> Controller:
 def without_internal_model(controller: Controller) -> Controller:
     laws = tuple(dataclasses.replace(law, M=(), N=(), psi=()) for law in controller.agents)
     return dataclasses.replace(controller, agents=laws)
-
-
-def corner(plant: Plant, controller: Controller) -> Scenario:
-    """Agents 1 and 2 at ``p = (−i + ½, i + ½, i + ½)``, ``z = x1 = x2 = 1``."""
-    scenario = nominal(plant, controller)
-    for i in (1, 2):
-        scenario = scenario.with_agent(i, parameters=(-i + 0.5, i + 0.5, i + 0.5), z=[1], x=[1, 1])
-    return scenario
 
 
 @pytest.fixture(scope="module")
