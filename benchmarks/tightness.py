@@ -1,0 +1,194 @@
+"""Certified gains against falsified ones: recipe, direct route, and the largest gains a search can break.
+
+    python -m benchmarks.tightness                      all cases, about an hour on one core
+    python -m benchmarks.tightness rooms five-agents/1  some cases
+    python -m benchmarks.tightness --table              only the table of what the cache holds
+
+Results are kept in ``tightness.json`` (or ``--cache``), agent by agent, so that a run can be interrupted and the table
+shows what is there. ``docs/tightness.md`` says how the numbers are defined and what they mean.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from certify.pipeline import design_gains
+from reports.command_line.controllers import certified_controller
+from sims.falsifier import falsify
+from symbolic.controller import Controller
+from symbolic.plant import Plant
+from symbolic.plant_file import parse_plant
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+NAMES = "pendulums van_der_pol mass_spring thermal_springs first_order rooms third_order_actuator fourth_order".split()
+BOXES = ("1", "0.25", "0.5", "2")
+LADDER, RUNGS, HALVINGS = 4.0, 6, 4
+BUDGET, HORIZON = 96, 25.0
+
+Json = dict[str, Any]
+
+
+def cases() -> dict[str, str]:
+    """Plant files by the name of the case; the five agents at several boxes."""
+    found = {name: (EXAMPLES / f"{name}.toml").read_text() for name in NAMES}
+    five = (EXAMPLES / "five_agents.toml").read_text()
+    for box in BOXES:
+        found[f"five-agents/{box}"] = five.replace("= [-1, 1]", f"= [-{box}, {box}]")
+    return found
+
+
+def route(plant: Plant, name: str) -> tuple[Json, Controller | None]:
+    """Gains of one route by agent, or the reason why there are none."""
+    begin = time.monotonic()
+    result = design_gains(plant, route=name)
+    row: Json = {"status": result.status, "seconds": round(time.monotonic() - begin, 1)}
+    if result.certificate is None:
+        return {**row, "reason": result.reason}, None
+    controller = certified_controller(result.certificate, plant, name)
+    row["agents"] = {
+        str(law.id): [_magnitude(law.g), _magnitude(law.K), _magnitude(law.h)] for law in controller.agents
+    }
+    return row, controller
+
+
+def critical(plant: Plant, controller: Controller, number: int, keep_K: bool, seed: int = 0) -> tuple[float, float]:
+    """The largest factor on the gains below the certified ones at which the search finds a counterexample, and the next
+    larger factor that was tried and survived; ``(0, last)`` when nothing broke.
+
+    ``K, h, δ`` are scaled together, or (``keep_K``) ``h`` alone. Downwards by fours until something breaks, then
+    bisection: a window of broken gains narrower than a factor of four could be overlooked.
+    """
+
+    def breaks(factor: float) -> bool:
+        exact = Fraction(factor).limit_denominator(10**6)
+        law = controller.agents[number - 1]
+        h = None if law.h is None else law.h * exact
+        changed = {"h": h} if keep_K else {"h": h, "K": law.K * exact, "delta": law.delta * exact}
+        agents = list(controller.agents)
+        agents[number - 1] = dataclasses.replace(law, **changed)
+        scaled = dataclasses.replace(controller, agents=tuple(agents))
+        found = falsify(plant, scaled, budget=BUDGET, seed=seed, horizon=HORIZON, agents=[number])
+        return found.status == "refuted"
+
+    survived = 1.0
+    for _ in range(RUNGS):
+        factor = survived / LADDER
+        if breaks(factor):
+            return _bisect(breaks, factor, survived)
+        survived = factor
+    return 0.0, survived
+
+
+def _bisect(breaks: Callable[[float], bool], broken: float, survived: float) -> tuple[float, float]:
+    for _ in range(HALVINGS):
+        middle = (broken * survived) ** 0.5
+        if breaks(middle):
+            broken = middle
+        else:
+            survived = middle
+    return broken, survived
+
+
+def measure(name: str, text: str, known: Json) -> Iterator[Json]:
+    """The row of one case, yielded anew whenever more of it is known."""
+    plant = parse_plant(text.encode(), name)
+    row = known if known.get("sha256") == plant.sha256 else {"sha256": plant.sha256, "falsified": {}}
+    direct, controller = route(plant, "direct")
+    if row.get("direct", {}).get("agents") != direct.get("agents"):
+        row["falsified"] = {}
+    row["direct"] = direct
+    yield row
+    if "recipe" not in row:
+        row["recipe"] = route(plant, "recipe")[0]
+        yield row
+    for law in controller.agents if controller is not None else ():
+        if str(law.id) in row["falsified"] or (law.id > 1 and not name.startswith("five-agents")):
+            continue
+        found = {"K": critical(plant, controller, law.id, keep_K=False)}
+        if law.h is not None:
+            found["h"] = critical(plant, controller, law.id, keep_K=True)
+        row["falsified"][str(law.id)] = found
+        yield row
+
+
+def table(rows: Json) -> str:
+    """Markdown: one line per agent."""
+    lines = [
+        "| plant (box) | agent | recipe K, h | direct g, K, h | falsified K | falsified h | K ratio | h ratio |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name in cases():
+        row = rows.get(name)
+        if row is None:
+            continue
+        direct, recipe = row["direct"], row.get("recipe", {})
+        if "agents" not in direct:
+            lines.append(f"| {name} | | | {direct['status']}: {direct['reason']} | | | | |")
+            continue
+        for number, (g, K, h) in direct["agents"].items():
+            found = row["falsified"].get(number, {})
+            by_K, by_h = _ratio(K, found.get("K")), _ratio(h, found.get("h"))
+            lines.append(
+                f"| {name} | {number} | {_recipe(recipe, number)} | {_show(g)}, {_show(K)}, {_show(h)} "
+                f"| {by_K[0]} | {by_h[0]} | {by_K[1]} | {by_h[1]} |"
+            )
+    return "\n".join(lines)
+
+
+def _ratio(gain: float | None, factors: list[float] | None) -> tuple[str, str]:
+    if gain is None:
+        return "no observer", "–"
+    if factors is None:
+        return "not measured", "–"
+    broken, survived = factors
+    if broken == 0:
+        return f"none down to {_show(gain * survived)}", "–"
+    return _show(gain * broken), f"{1 / broken:.3g}"
+
+
+def _recipe(recipe: Json, number: str) -> str:
+    if "agents" not in recipe:
+        return recipe.get("status", "not measured")
+    _, K, h = recipe["agents"][number]
+    return f"{_show(K)}, {_show(h)}"
+
+
+def _magnitude(value: Fraction | None) -> float | None:
+    """Recipe gains can be beyond floats: those become infinite."""
+    if value is None:
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf")
+
+
+def _show(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="certified against falsified gains")
+    parser.add_argument("cases", nargs="*", help=f"of {', '.join(cases())}; all if left out")
+    parser.add_argument("--cache", type=Path, default=Path("tightness.json"))
+    parser.add_argument("--table", action="store_true", help="only print the table of the cache")
+    options = parser.parse_args()
+    rows: Json = json.loads(options.cache.read_text()) if options.cache.exists() else {}
+    for name in [] if options.table else options.cases or cases():
+        for row in measure(name, cases()[name], rows.get(name, {})):
+            rows[name] = row
+            options.cache.write_text(json.dumps(rows, indent=1) + "\n")
+            print(f"{name}: {len(row['falsified'])} agents falsified", file=sys.stderr, flush=True)
+    print(table(rows))
+
+
+if __name__ == "__main__":
+    main()
