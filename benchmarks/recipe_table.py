@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
+
 from certify.agent_model import AgentModel, LyapunovMatrices, References
 from certify.assumptions.check import check_assumptions
-from certify.bounds.rationals import log10_estimate, round_up, sqrt_up
-from certify.coordinator.design import CoordinatorDesign, gradients_at
-from certify.coordinator.mixing import mixing
+from certify.bounds.rationals import log10_estimate
+from certify.coordinator.design import gradients_at
 from certify.coordinator.nominal import cost_gradient
 from certify.preparation import Prepared, prepare
 from certify.recipe.constants import constants, initial_energy
@@ -86,38 +87,41 @@ def at_level(model: AgentModel, matrices: LyapunovMatrices, total: Fraction) -> 
     return Level(total, total, initial_energy(model, matrices, found), total, found)
 
 
-def norm_references(design: CoordinatorDesign, plant: Plant, prepared: Prepared) -> tuple[References, ...]:
-    """The coordinator by its Lyapunov inequality from ``t = 0``, without a nominal trajectory."""
-    comparison, model = design.comparison, design.model
-    n, r = model.size, model.left_null_vector
-    optimum = prepared.optimum.enclosure
-    gradients = gradients_at([cost_gradient(agent.cost) for agent in plant.agents], optimum)
-    start = mixing(model.laplacian, r, Fraction(1), 0)
-    smallest = [Fraction(float(low)) for low in design.mixing.smallest]
+def norm_references(prepared: Prepared) -> tuple[References, ...]:
+    """The coordinator's Lyapunov inequality around the equilibrium from ``t = 0``, in floats; no nominal trajectory.
 
-    def norm(magnitudes: Sequence[Fraction]) -> Fraction:
-        pairs = (
-            (abs(p), a, b)
-            for line, a in zip(comparison.P, magnitudes, strict=True)
-            for p, b in zip(line, magnitudes, strict=True)
-        )
-        return sqrt_up(sum((p * a * b for p, a, b in pairs), Fraction(0)))
+    ``d/dt‖x‖_P ≤ −λ0‖x‖_P + ‖p(t)‖_P`` from ``ỹ(0) = y^r(0) − s*``, ``ζ̃(0) = −ζ̄`` with ``p`` enclosed step by step.
+    """
+    design, optimum = prepared.coordinator, prepared.optimum.enclosure
+    model, comparison, step = design.model, design.comparison, float(design.mixing.step)
+    n, r = model.size, [float(value) for value in model.left_null_vector]
+    slopes = [float(c.magnitude) for c in gradients_at([cost_gradient(a.cost) for a in prepared.plant.agents], optimum)]
+    P = np.abs(np.array([[float(value) for value in line] for line in comparison.P]))
 
+    def norm(top: Sequence[float], bottom: Sequence[float]) -> float:
+        magnitudes = np.array([*top, *bottom])
+        return float(np.sqrt(magnitudes @ P @ magnitudes))
+
+    target = float(optimum.lo)
     error = [
-        max(abs(a.initial.reference.hi - optimum.lo), abs(a.initial.reference.lo - optimum.hi)) for a in plant.agents
+        max(abs(float(end) - target) for end in (a.initial.reference.lo, a.initial.reference.hi))
+        for a in prepared.plant.agents
     ]
-    integral = [gradients[i].magnitude / (model.alpha2 * r[i]) for i in range(n - 1)]
-    forcing = [gradients[i].magnitude * Fraction(float(start.residual[i])) / (r[i] * smallest[i]) for i in range(n)]
-    decay = min(comparison.rate, comparison.mixing_rate) / 2
-    bound = norm([*error, *integral]) + norm([*forcing, *[Fraction(0)] * (n - 1)]) / (comparison.rate - decay)
-    return tuple(
-        References(
-            round_up(agent.deviation_gain * bound),
-            round_up((agent.deviation_gain * bound) ** 2 / (2 * decay)),
-            round_up((agent.rate_gain * bound + forcing[i]) ** 2 / (2 * decay)),
-        )
-        for i, agent in enumerate(design.envelope.agents)
-    )
+    bound = norm(error, [slopes[i] / (float(model.alpha2) * r[i]) for i in range(n - 1)])
+    decay = np.exp(-float(comparison.rate) * step)
+    bounds, forcings = [], []
+    for ranges in design.mixing.ranges:
+        p = [slopes[i] * max(abs(1 / r[i] - 1 / float(end)) for end in ranges[i]) for i in range(n)]
+        level = norm(p, [0.0] * (n - 1)) / float(comparison.rate)
+        bounds.append(max(bound, level))
+        forcings.append(p)
+        bound = decay * bound + (1 - decay) * level
+    found = []
+    for i, agent in enumerate(design.envelope.agents):
+        ys = float(agent.deviation_gain) * np.array(bounds)
+        rates = float(agent.rate_gain) * np.array(bounds) + np.array([p[i] for p in forcings])
+        found.append(References(*map(Fraction, (ys.max(), step * (ys @ ys), step * (rates @ rates)))))
+    return tuple(found)
 
 
 def log(value: Fraction | None) -> str:
@@ -149,7 +153,7 @@ def causes() -> list[str]:
     base = case(load_plant(EXAMPLES / "five_agents.toml"))
     box = case(load_plant(EXAMPLES / "five_agents_box.toml"))
     narrow = case(parse_plant(text.replace(WIDE, NARROW).encode(), "±10 %"))
-    norms = norm_references(base.prepared.coordinator, base.prepared.plant, base.prepared)
+    norms = norm_references(base.prepared)
     far = [(replace(model, references=reference), P) for (model, P), reference in zip(base.agents, norms, strict=True)]
     own = [row(model, P) for model, P in base.agents]
     network = sum((line.level.level for line in own if line is not None), Fraction(0))
