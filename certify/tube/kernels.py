@@ -15,6 +15,7 @@ from scipy.optimize import linprog
 from certify.tube.modes import Modes
 
 RATIO = 33 / 32
+LIFETIMES = 32
 GROUP = 3
 MARGIN = 1e-4
 ROUNDING = 1e-15
@@ -45,7 +46,7 @@ def cells(modes: Modes) -> np.ndarray:
     """Ends of the cells, from 0 to beyond ``32/σ``, on which the majorants are checked."""
     fastest = float(np.max(np.hypot(modes.decay, modes.frequency)))
     first = 1 / (64 * fastest)
-    count = int(np.ceil(np.log(33 / float(modes.decay.min()) / first) / np.log(RATIO))) + 1
+    count = int(np.ceil(np.log((LIFETIMES + 1) / float(modes.decay.min()) / first) / np.log(RATIO))) + 1
     return np.concatenate([[0.0], first * RATIO ** np.arange(count + 1)])
 
 
@@ -54,6 +55,7 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
     ends = cells(modes)
     bound = _cell_bounds(modes, ends)
     rates = _rates(modes)
+    last = LIFETIMES / float(modes.decay.min())
     decay = np.exp(-np.outer(ends[1:], rates))
     size = np.linalg.norm(modes.outputs, axis=1)[:, None] * np.linalg.norm(modes.columns, axis=0)[None, :]
     coefficients = np.zeros((*bound.shape[:2], len(rates)))
@@ -61,9 +63,8 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
         for j in range(bound.shape[1]):
             weight = INPUT_WEIGHT if j < inputs else START_WEIGHT
             coefficients[i, j] = _least_majorant(bound[i, j], decay, rates, weight)
-            coefficients[i, j, 0] += ROUNDING * size[i, j] + _tail_excess(
-                modes, i, j, rates[0], ends[-1], coefficients[i, j, 0]
-            )
+            coefficients[i, j, 0] += ROUNDING * size[i, j]
+            coefficients[i, j, 0] += _tail_excess(modes, i, j, rates[0], last, coefficients[i, j, 0])
     return Kernels(rates, coefficients, inputs)
 
 
@@ -151,4 +152,4 @@ def _tail_excess(modes: Modes, i: int, j: int, slowest: float, end: float, coeff
     """What the slowest coefficient lacks to cover everything after the last cell."""
     left, right = _block_norms(modes)
     later = float(np.sum(left[i] * right[:, j] * np.exp(-(modes.decay - slowest) * end)))
-    return max(0.0, later * (1 + MARGIN) - coefficient)
+    return max(0.0, 2 * later - coefficient)
