@@ -182,7 +182,7 @@ def _any_keys(value: Any) -> dict[str, Any]:
 def _constants(known: Mapping[str, Node], table: Any, taken: set[str]) -> dict[str, Node]:
     """The known constants and those of the table, each of which may use the earlier ones."""
     constants = dict(known)
-    taken |= constants.keys()
+    taken.update(constants)
     for name, value in _any_keys(table).items():
         constants[_declared(name, taken)] = _expression(value, constants)
     return constants

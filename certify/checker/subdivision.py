@@ -11,7 +11,7 @@ from certify.checker.verdict import Undecided
 Box = Mapping[str, Interval]
 
 CUTS = 100
-PATIENCE = 6  # halvings in a row that need not help
+PATIENCE = 4  # halvings in a row that need not help
 USEFUL = Fraction(999, 1000)
 
 

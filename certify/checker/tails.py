@@ -7,7 +7,7 @@ infinite ends would not. ``affine = (a, b)`` says that the value is exactly ``a 
 from __future__ import annotations
 
 from fractions import Fraction
-from math import isqrt
+from math import floor, isqrt
 from typing import Any
 
 from certify.checker.functions import call as interval_call
@@ -106,7 +106,7 @@ def call(function: str, u: Tail) -> Tail:
         return Tail(u.start, Interval(-1, 1))
     if min(u.growth) < 0 or not (u.c > 0 or u.c < 0):
         raise Undecided(f"{function} of an argument whose growth is not known")
-    end = u.c.lower if u.c > 0 else u.c.upper  # |u| ≥ |end|, with the same sign
+    end = (u.c.lower if u.c > 0 else u.c.upper) * u.start ** floor(u.growth[1])  # |u| ≥ |end|, with the same sign
     if function == "atan":
         value = interval_call(function, end)
         return Tail(u.start, between(value.lo, 2) if u.c > 0 else between(-2, value.hi))

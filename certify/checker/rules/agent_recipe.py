@@ -29,8 +29,12 @@ def prove_design(agent: Agent, claim: AgentClaim, witness: AgentWitness) -> None
     """What can be decided from the design alone: sizes, signs and the Lyapunov inequalities of the linear blocks."""
     name, n, s = f"agent {agent.id}", agent.order, len(witness.ell)
     shapes = {"V0": len(agent.zero_states), "P1": n - 1, "P2": s, "P3": n if n > 1 else 0}
-    lengths = (len(claim.gamma), len(claim.observer), claim.h is None)
-    if any(len(getattr(witness, P)) != size for P, size in shapes.items()) or lengths != (n - 1, shapes["P3"], n == 1):
+    sizes = {"gamma": n - 1, "observer": shapes["P3"], "N": s, "psi": s, "M": s}
+    fits = [len(getattr(witness, P)) == size for P, size in shapes.items()]
+    fits += [len(getattr(claim, key)) == size for key, size in sizes.items()]
+    fits += [len(witness.steady_state) == shapes["V0"], (claim.h is None) == (n == 1)]
+    fits += [len(row) == s for row in claim.M]
+    if not all(fits):
         raise Malformed(f"{name}: a matrix or a list has the wrong size")
     for P in shapes:
         require(linear.is_positive_definite(getattr(witness, P)), f"{name}: {P} ≻ 0")

@@ -120,10 +120,6 @@ class _AgentProof:
         self.exosystem = {name: sum((x * constant(entry) for x, entry in zip(states, row, strict=True)), ZERO)
                           for name, row in zip(v, plant.S or [], strict=True)}
         self.nodes = [parse(text, {name: Name(name) for name in self.symbols}) for text in witness.steady_state]
-        s, n = len(witness.ell), len(self.nodes)
-        sizes = [len(claim.M), len(claim.N), len(claim.psi), *map(len, claim.M)]
-        if n != len(agent.zero_states) or any(size != s for size in sizes):
-            raise Malformed(f"{self.name}: steady_state, M, N, psi or ell has the wrong size")
 
     def prove(self) -> AgentFacts:
         with obligation(f"{self.name}: A0"):

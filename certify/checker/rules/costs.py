@@ -33,7 +33,8 @@ class Cost:
         """``c'`` on an interval, at whose ends it has its extremes."""
         if self.affine:
             return self.affine[0] + self.affine[1] * s
-        return hull(self.derivatives.at(1, s.lower), self.derivatives.at(1, s.upper))
+        ends = [s] if s.a == s.b else [s.lower, s.upper]
+        return hull(*(self.derivatives.at(1, end) for end in ends))
 
     def curvature(self, s: Interval) -> Interval:
         return self.derivatives.at(2, s)
