@@ -11,6 +11,7 @@ from certify.tube.trial import AgentTrials, Trial, TrialFailure
 from symbolic.plant import RequestedGains
 
 FIRST_G = (Fraction(2), Fraction(3), Fraction(1))
+LARGER_G = (Fraction(3), Fraction(4), Fraction(6))
 _RUNGS = "20 30 40 50 60 75 90 110 130 160 200 250 300 375 450 550 700 1000 1500 2200 3300 5000"
 LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
 HIGHER = tuple(Fraction(10) ** k for k in (4, 5, 6))
@@ -90,23 +91,31 @@ class _Finder:
         return NoChoice(reasons[-1], len(self.known))
 
     def lower_K(self, start: Trial) -> Trial:
-        """Bisection on the ladder of ``K`` at the ratio and ``g`` of ``start``."""
+        """Bisection on the ladder of ``K`` at the ratio and ``g`` of ``start``; then further down with larger ``g``."""
         best, ratio = start, self._ratio(start)
-        below, above = -1, next((k for k, K in enumerate(LADDER) if start.gains.K <= K), len(LADDER))
-        while above - below > 1 and self.requested.K is None:
+        if self.requested.K is not None:
+            return best
+        below, above = -1, _rung(start)
+        while above - below > 1:
             middle = (below + above) // 2
             found = self.attempt(start.gains.g, LADDER[middle], ratio)
             if found is None:
                 below = middle
             else:
                 best, above = found, middle
+        for g in LARGER_G if self.observed and self.requested.g is None else ():
+            while _rung(best) > 0:
+                found = self.attempt(g, LADDER[_rung(best) - 1], ratio)
+                if found is None:
+                    break
+                best = found
         return best
 
     def lower_h(self, start: Trial) -> Trial:
         """Smaller ratios ``h/K`` at the least ``K`` and, where that fails, one rung above it."""
         best, ratio = start, self._ratio(start)
-        rung = next((k for k, K in enumerate(LADDER) if start.gains.K <= K), len(LADDER) - 1)
-        for K in dict.fromkeys((start.gains.K, LADDER[min(rung + 1, len(LADDER) - 1)])):
+        above = LADDER[min(_rung(start) + 1, len(LADDER) - 1)]
+        for K in dict.fromkeys((start.gains.K, above)):
             for smaller in reversed([r for r in RATIOS if r < ratio]):
                 found = self.attempt(start.gains.g, K, smaller)
                 if found is None:
@@ -117,3 +126,8 @@ class _Finder:
 
     def _ratio(self, trial: Trial) -> Fraction:
         return Fraction(1) if trial.gains.h is None else trial.gains.h / trial.gains.K
+
+
+def _rung(trial: Trial) -> int:
+    """The place of its ``K`` on the ladder, or of the next one above."""
+    return next((k for k, K in enumerate(LADDER) if trial.gains.K <= K), len(LADDER))

@@ -45,7 +45,9 @@ class Surroundings:
         self.limits = tuple(floats(side) for side in model.disturbance)
         exosystem = model.exosystem
         self.S = np.array(exosystem.S.tolist(), dtype=float).reshape(len(exosystem.states), len(exosystem.states))
-        self.spectrum, self.modes = np.linalg.eig(self.S) if len(self.S) else (np.zeros(0), self.S)
+        spectrum, flows = np.linalg.eig(self.S) if len(self.S) else (np.zeros(0), self.S)
+        self.spectrum: np.ndarray = spectrum
+        self.modes: np.ndarray = flows
         self.inverse_modes = np.linalg.inv(self.modes) if len(self.S) else self.S
         ends = [floats(side) for side in exosystem.initial]
         self.centre = np.array([(lo + hi) / 2 for lo, hi in ends])
