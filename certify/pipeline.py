@@ -25,6 +25,7 @@ from symbolic.plant import Plant
 __all__ = ["AgentResult", "GainsResult", "design_gains", "tool_versions"]
 
 THEOREMS = {"recipe": RECIPE, "direct": DIRECT}
+PROVED_ON_THE_WAY = {"recipe": frozenset[str](), "direct": frozenset({"A6"})}  # the tube is A6⁺ (iii)
 MOST_WORKERS = 2
 
 Outcome = tuple[AgentResult, AgentController | None, Json | None]
@@ -35,7 +36,8 @@ def design_gains(
 ) -> GainsResult:
     """Gains with a certificate, or what stands in the way. Gains fixed in the plant file are kept and decided as they
     are."""
-    prepared = prepare(plant, check if check is not None else check_assumptions(plant), progress)
+    check = check if check is not None else check_assumptions(plant)
+    prepared = prepare(plant, check, progress, PROVED_ON_THE_WAY[route])
     if isinstance(prepared, Stopped):
         return _without_certificate(prepared.status, prepared.reason, route, prepared.agents)
     outcomes = _tubes(prepared, progress) if route == "direct" else _recipes(prepared, progress)

@@ -49,10 +49,16 @@ class Stopped:
     agents: tuple[AgentResult, ...] = ()
 
 
-def prepare(plant: Plant, check: CheckReport, report: Report) -> Prepared | Stopped:
-    """Everything up to the choice of gains; the exact linear condition on requested gains comes first."""
-    if check.status != "holds":
-        return _blocked(check)
+def prepare(
+    plant: Plant, check: CheckReport, report: Report, optional: frozenset[str] = frozenset()
+) -> Prepared | Stopped:
+    """Everything up to the choice of gains; the exact linear condition on requested gains comes first.
+
+    An assumption in ``optional`` may be ``unknown`` (its proof is part of the route), but must not fail.
+    """
+    blocking = _blocking(check, optional)
+    if blocking is not None:
+        return blocking
     try:
         found = optimum(plant)
     except NoOptimumError as error:
@@ -134,7 +140,12 @@ def _necessary(
     return tuple(results)
 
 
-def _blocked(check: CheckReport) -> Stopped:
-    wrong = next(f for f in check.findings if f.verdict == ("fails" if check.status == "fails" else "unknown"))
+def _blocking(check: CheckReport, optional: frozenset[str]) -> Stopped | None:
+    """The first assumption that fails, else the first that is needed and unknown."""
+    failed = [finding for finding in check.findings if finding.verdict == "fails"]
+    unknown = [finding for finding in check.findings if finding.verdict == "unknown" and finding.id not in optional]
+    if not failed and not unknown:
+        return None
+    wrong = (failed or unknown)[0]
     where = "" if wrong.agent is None else f", agent {wrong.agent}"
-    return Stopped("refuted" if check.status == "fails" else "inconclusive", f"{wrong.id}{where}: {wrong.reason}")
+    return Stopped("refuted" if failed else "inconclusive", f"{wrong.id}{where}: {wrong.reason}")
