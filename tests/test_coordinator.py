@@ -160,7 +160,7 @@ def test_envelopes_lie_above_every_trajectory(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["example", "six"])
 def test_envelopes_of_a_point_are_near_the_trajectory(name: str) -> None:
-    """Peaks within 5 % of the only trajectory, energies within 15 %; norm bounds from t = 0 are 15 to 40 times larger."""
+    """Peaks within 5 % of the only trajectory, energies within 15 %; norm bounds from t = 0 are 15 to 40 times it."""
     plant, found = proved(name)
     simulation = Simulation(plant, (found.model.alpha1, found.model.alpha2))
     times = np.linspace(0, float(found.envelope.horizon), 4001)
