@@ -15,6 +15,7 @@ from flint import arb, arb_mat
 from certify.checker import linear
 from certify.checker.balls import BITS, ball, balls, exact, interval, middle, precision, shown
 from certify.checker.certificate import DirectAgentWitness
+from certify.checker.linear import Matrix
 from certify.checker.rules.loop import Loop
 from certify.checker.verdict import Undecided, require, spend
 
@@ -41,7 +42,7 @@ class Mode:
         return self.real**2 + self.turn**2
 
     def norm(self, entries: Sequence[arb]) -> arb:
-        return sum((entry**2 for entry in entries[self.at : self.at + self.size]), arb(0)).sqrt()
+        return _norm(entries[self.at : self.at + self.size])
 
 
 def prove(name: str, loop: Loop, witness: DirectAgentWitness) -> None:
@@ -172,7 +173,7 @@ def _modes(A: arb_mat, blocks: Sequence[int]) -> list[Mode]:
 
 
 def _distance(A: arb_mat, modes: Sequence[Mode]) -> arb:
-    """``ε ≥ ‖A' − Λ‖_F``, a point."""
+    """``ε ≥ ‖A' − Λ‖_F``."""
     rows = A.tolist()
     for mode in modes:
         for k in range(mode.at, mode.at + mode.size):
@@ -180,11 +181,12 @@ def _distance(A: arb_mat, modes: Sequence[Mode]) -> arb:
         if mode.size == 2:
             rows[mode.at][mode.at + 1] -= mode.turn
             rows[mode.at + 1][mode.at] += mode.turn
-    return _norm([entry for row in rows for entry in row]).upper()
+    return _norm([entry for row in rows for entry in row])
 
 
 def _norm(entries: Sequence[arb]) -> arb:
-    return sum((entry**2 for entry in entries), arb(0)).sqrt()
+    """An upper bound: the square of a ball around 0 is no ball of nonnegative numbers."""
+    return sum((entry.abs_upper() ** 2 for entry in entries), arb(0)).sqrt()
 
 
 def _functions(mode: Mode, t: arb) -> list[arb]:
@@ -199,7 +201,9 @@ def _short(value: Fraction) -> Fraction:
     return Fraction(int(value * Fraction(2) ** shift)) / Fraction(2) ** shift
 
 
-def _spend_on_inverse(H: Sequence[Sequence[Fraction]], A: Sequence[Sequence[Fraction]]) -> None:
-    """Elimination and products over a common denominator of every column, with integers of about ``size·bits``."""
-    bits = sum(max(entry.numerator.bit_length() + entry.denominator.bit_length() for entry in row) for row in (*H, *A))
-    spend(4 * len(H) ** 3 * (1 + bits // 256) ** 2)
+def _spend_on_inverse(*matrices: Matrix) -> None:
+    """Elimination and products of integers as long as a determinant over the common denominator."""
+    for A in matrices:
+        bits = max(entry.numerator.bit_length() for row in A for entry in row)
+        bits += linear.common_denominator(A).bit_length()
+        spend(len(A) ** 3 * (1 + len(A) * bits // 64))
