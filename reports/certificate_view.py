@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from certify.certificate import claim_digest
+from certify.certificate import DIRECT, claim_digest
+from reports.exact_numbers import Matrix, exact, exact_matrix, exact_row
 from reports.numbers import floor_log10
+from reports.tube_view import Tube, tube
 from symbolic.controller import Controller
+from symbolic.plant import Interval
 
 SIMULABLE_UP_TO = 9
 MATRICES = ("V0", "P1", "P2", "P3")
 
-_NUMBER = re.compile(r"-?[0-9]{1,4000}(/[0-9]{1,4000})?")
-
-Matrix = tuple[tuple[Fraction, ...], ...]
-
 
 @dataclass(frozen=True)
 class AgentClaim:
-    """Gains of the claim and matrices of the witness of one agent."""
+    """Gains of the claim and matrices of the witness of one agent; ``tube`` is there for the theorem direct/1.
+
+    ``level`` is that of the Lyapunov function, or the largest bound of ``ϑ̃`` in the tube; ``rate`` the tube's at last.
+    """
 
     id: int
     g: Fraction
@@ -31,18 +32,27 @@ class AgentClaim:
     h: Fraction | None
     level: Fraction | None
     matrices: Mapping[str, Matrix]
+    rate: Fraction | None = None
+    observer: tuple[Fraction, ...] = ()
+    tube: Tube | None = None
 
 
 @dataclass(frozen=True)
 class CertifiedGains:
-    """The claim's gains, in the order of the agents, and the coordinator's matrix ``P``."""
+    """The claim's gains, in the order of the agents, and the coordinator's matrix ``P``.
 
+    ``direct`` tells the theorem direct/1 from recipe/1.
+    """
+
+    direct: bool
     alpha1: Fraction
     alpha2: Fraction
     agents: tuple[AgentClaim, ...]
     P: Matrix
     coordinator: Mapping[str, Fraction]
     sha256: str
+    optimum: Interval
+    multiplier: tuple[Fraction, ...]
 
     @property
     def largest_exponent(self) -> int:
@@ -69,43 +79,48 @@ def certified_gains(certificate: Mapping[str, Any] | None) -> CertifiedGains | N
         return None
     try:
         return _read(certificate)
-    except (ArithmeticError, KeyError, TypeError, ValueError):
+    except (ArithmeticError, IndexError, KeyError, TypeError, ValueError):
         return None
-
-
-def exact(text: str) -> Fraction:
-    """A number of a certificate, ``p/q`` or ``p``. Raises ``ValueError`` for other notations, such as ``1e999999``."""
-    if not _NUMBER.fullmatch(text):
-        raise ValueError("a number is a string p or p/q")
-    return Fraction(text)
 
 
 def _read(certificate: Mapping[str, Any]) -> CertifiedGains:
     claim, witness = certificate["claim"], certificate["witness"]
-    levels = {entry["id"]: entry for entry in witness["agents"]}
+    witnesses = {entry["id"]: entry for entry in witness["agents"]}
+    direct = certificate.get("theorem") == DIRECT
     coordinator = witness["coordinator"]
     return CertifiedGains(
+        direct=direct,
         alpha1=exact(claim["alpha1"]),
         alpha2=exact(claim["alpha2"]),
-        agents=tuple(_agent(entry, levels[entry["id"]]) for entry in claim["agents"]),
-        P=_matrix(coordinator["P"]),
+        agents=tuple(_agent(entry, witnesses[entry["id"]], direct) for entry in claim["agents"]),
+        P=exact_matrix(coordinator["P"]),
         coordinator={key: exact(coordinator[key]) for key in ("rate", "mixing_rate", "step", "steps")},
         sha256=claim_digest(dict(certificate)),
+        optimum=Interval(*exact_row(witness["optimum"])),
+        multiplier=exact_row(coordinator["multiplier"]),
     )
 
 
-def _agent(claim: Mapping[str, Any], witness: Mapping[str, Any]) -> AgentClaim:
+def _agent(claim: Mapping[str, Any], witness: Mapping[str, Any], direct: bool) -> AgentClaim:
     h = claim["h"]
-    return AgentClaim(
+    found = AgentClaim(
         id=int(exact(claim["id"])),
         g=exact(claim["g"]),
         K=exact(claim["K"]),
         delta=exact(claim["delta"]),
         h=None if h is None else exact(h),
-        level=exact(witness["level"]),
-        matrices={name: _matrix(witness[name]) for name in MATRICES},
+        level=None,
+        matrices={},
     )
-
-
-def _matrix(rows: Sequence[Sequence[str]]) -> Matrix:
-    return tuple(tuple(exact(entry) for entry in row) for row in rows)
+    if not direct:
+        matrices = {name: exact_matrix(witness[name]) for name in MATRICES}
+        return replace(found, level=exact(witness["level"]), matrices=matrices)
+    boxes = tube(witness)
+    return replace(
+        found,
+        level=boxes.peak(len(claim["gamma"]) + 1 + len(witness["steady_state"])),
+        matrices={"P3": boxes.observer_norm},
+        rate=boxes.tail_rate,
+        observer=exact_row(claim["observer"]),
+        tube=boxes,
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +10,11 @@ from reports import cells, tables
 from reports.certificate_view import CertifiedGains
 from reports.numbers import fraction
 from reports.study import Study
+from reports.tube_view import Tube
 from reports.typst_math import number
 
 if TYPE_CHECKING:
-    from certify.pipeline import GainsResult
+    from certify.pipeline import AgentResult, GainsResult
 
 MATRIX_UP_TO = 9
 
@@ -26,7 +27,8 @@ def gains_section(study: Study, certified: CertifiedGains | None) -> dict[str, A
         alphas = [tables.exact(summary.get(name)) for name in ("alpha1", "alpha2")]
     elif certified is not None:
         entries = [
-            {"id": a.id, "g": a.g, "K": a.K, "delta": a.delta, "h": a.h, "level": a.level} for a in certified.agents
+            {"id": a.id, "g": a.g, "K": a.K, "delta": a.delta, "h": a.h, "level": a.level, "rate": a.rate}
+            for a in certified.agents
         ]
         alphas = [certified.alpha1, certified.alpha2]
     else:
@@ -75,7 +77,29 @@ def numbers_section(gains: GainsResult | None, certified: CertifiedGains | None)
         "matrices": tables.matrix_groups(matrices),
         "coordinator": _coordinator(gains, certified),
         "constants": tables.quantity_blocks([(a.id, a.constants) for a in agents if a.constants], tables.CONSTANTS),
-        "thresholds": tables.quantity_blocks([(a.id, a.thresholds) for a in agents if a.thresholds], tables.THRESHOLDS),
+        **_thresholds(agents, certified),
+    }
+
+
+def _thresholds(agents: Sequence[AgentResult], certified: CertifiedGains | None) -> dict[str, Any]:
+    """The recipe's thresholds, or the proof data of the tube: never both."""
+    if certified is not None and certified.direct:
+        tubes = [(agent.id, _tube(agent.tube)) for agent in certified.agents if agent.tube is not None]
+        return {"thresholds": [], "tube": tables.quantity_blocks(tubes, tables.TUBE)}
+    found = [(agent.id, agent.thresholds) for agent in agents if agent.thresholds]
+    return {"thresholds": tables.quantity_blocks(found, tables.THRESHOLDS), "tube": []}
+
+
+def _tube(tube: Tube) -> dict[str, Fraction | None]:
+    return {
+        "T1": tube.duration or None,
+        "kappa": tube.observer_rate,
+        "mu1": tube.rates[0],
+        "mum": tube.rates[-1],
+        "kernel_rates": Fraction(len(tube.rates)),
+        "steps": Fraction(len(tube.boxes)),
+        "end": tube.grid[-1],
+        "rho": tube.tail_rate,
     }
 
 

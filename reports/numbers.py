@@ -43,6 +43,15 @@ def shown(value: Fraction | int, significant: int = SIGNIFICANT, rounding: Round
     return Shown(text, exact is not None, log10(x) if far else None)
 
 
+def rounded(value: Fraction | int, significant: int, rounding: Rounding) -> str:
+    """Always that many significant digits, plain from 1e-4 to 1e7: ``0.572``, ``7190``, ``1.10e9``."""
+    x = Fraction(value)
+    if x == 0:
+        return "0"
+    mantissa, exponent = _scaled(x, significant, rounding)
+    return _plain(mantissa, exponent, significant) if exponent in _PLAIN else scientific(x, significant, rounding)
+
+
 def fraction(value: Fraction | int, significant: int = SIGNIFICANT) -> Shown:
     """``p/q`` where that is short, else as :func:`shown`."""
     x = Fraction(value)

@@ -13,13 +13,18 @@ from symbolic.plant import Plant
 
 @dataclass(frozen=True)
 class Note:
-    """One finding: the printed statement, the truth and what this tool does about it."""
+    """One finding: the printed statement, the truth and what this tool does about it, by route."""
 
     id: str
     printed: str
     truth: str
     consequence: str
     concerns: Callable[[Plant], bool]
+    direct: str = ""
+
+    def here(self, direct: bool) -> str:
+        """The consequence for the route: ``direct`` where that differs from the recipe."""
+        return self.direct if direct and self.direct else self.consequence
 
 
 def notes_for(plant: Plant) -> tuple[Note, ...]:
@@ -62,6 +67,7 @@ NOTES = (
         "input-to-state stability. A counterexample escapes at $t approx 0.3$ for every gain tried.",
         "The level set is closed by a verified fixed point, not by A6 alone.",
         _has_zero_dynamics,
+        "$overline(z)$ has a verified box on every step of the tube; A6 is not used for it.",
     ),
     Note(
         "F2",
@@ -70,6 +76,7 @@ NOTES = (
         "for some plants no $mu$ exists.",
         "The level is found as a fixed point, agent by agent; if there is none the verdict is inconclusive.",
         _any,
+        "No level set is used: the bounds are those of the tube, step by step.",
     ),
     Note(
         "F4",
@@ -92,6 +99,7 @@ NOTES = (
         "where the paper claims 0.0067.",
         "$h_1, h_2$ are computed with $lambda_max (P_3)$.",
         _has_observer,
+        "The decay rate $kappa$ of the observer error is proved with its own $P_3$.",
     ),
     Note(
         "F8",
@@ -99,6 +107,7 @@ NOTES = (
         "$norm(e) <= sqrt(epsilon \\/ (2 lambda_min (P_3)))$.",
         "$delta >= K (max |theta.alt| + sqrt(1/2 epsilon E_2 P_3^(-1) E_2^T))$.",
         _has_observer,
+        "Each $abs(e_i)$ is bounded by $sqrt((P_3^(-1))_(i i)) norm(e)_(P_3)$.",
     ),
     Note(
         "F13",

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from math import isfinite
 from typing import Any
 
 from reports import cells, tables
 from reports.agent_types import coordinates_section
-from reports.certificate_view import certified_gains
+from reports.certificate_view import CertifiedGains, certified_gains
 from reports.figures import style, svg
 from reports.gains_sections import claim_section, gains_section, numbers_section, stability_rows
 from reports.network_figure import draw_network
-from reports.numbers import fraction, scientific
+from reports.numbers import fraction, scientific, shown
 from reports.paper_notes import notes_for
 from reports.provenance import reproducibility_section
+from reports.region_sections import region_section
 from reports.simulation import simulation_section
-from reports.study import Study, conclusion
+from reports.study import Conclusion, Study, conclusion
 from reports.typst_math import matrix, number, number_text, typst
+from sims.closed_loop import Trajectory
+from sims.falsifier import FalsifierResult
 from symbolic.network import cuts, is_balanced
 from symbolic.plant import Agent, Digraph, Exosystem, Interval, Plant
 
@@ -36,7 +40,8 @@ def document_data(study: Study) -> dict[str, Any]:
         "status": ended.status,
         "verified": ended.verified,
         "reason": cells.text(ended.reason, 1500) if ended.reason else None,
-        "route": cells.text(study.gains.route if study.gains else "–"),
+        "route": cells.text(_route(study, certified)),
+        "direct": certified is not None and certified.direct,
         "optimum": _optimum(study),
         "plant": plant_section(study.plant),
         "network": network_section(study.plant.digraph),
@@ -45,17 +50,51 @@ def document_data(study: Study) -> dict[str, Any]:
         else {"status": study.check.status, "rows": tables.assumptions_table(study.check)},
         "types": None if study.derivation is None else coordinates_section(study.derivation, study.plant.agents),
         "gains": gains_section(study, certified),
+        "region": _region(study, certified, ended),
         "stability": None if study.gains is None else stability_rows(study.gains),
         "numbers": numbers_section(study.gains, certified),
         "claim": claim_section(study, certified),
         "simulation": None
         if study.trajectory is None
         else simulation_section(study.trajectory, study.simulated, certified, study.seed),
+        "search": None if study.search is None else _search(study.search, study.region is not None),
         "notes": [
-            {"id": n.id, "printed": n.printed, "truth": n.truth, "consequence": n.consequence}
+            {
+                "id": n.id,
+                "printed": n.printed,
+                "truth": n.truth,
+                "consequence": n.here(certified is not None and certified.direct),
+            }
             for n in notes_for(study.plant)
         ],
         "reproducibility": reproducibility_section(study),
+    }
+
+
+def _route(study: Study, certified: CertifiedGains | None) -> str:
+    if certified is not None:
+        return "direct" if certified.direct else "recipe"
+    return study.gains.route if study.gains else "–"
+
+
+def _region(study: Study, certified: CertifiedGains | None, ended: Conclusion) -> dict[str, Any] | None:
+    """Bounds are stated only where the checker has verified the certificate."""
+    if study.region is None or certified is None or not ended.verified:
+        return None
+    runs: tuple[Trajectory, ...] = ()
+    if study.trajectory is not None and study.simulated is not None and certified.same_as(study.simulated):
+        runs = (study.trajectory, *study.runs)
+    return region_section(study.region, certified, study.gains, runs)
+
+
+def _search(found: FalsifierResult, bounded: bool) -> dict[str, Any]:
+    margin = shown(Fraction(found.margin), 2, "down").text if isfinite(found.margin) else "–"
+    return {
+        "status": found.status,
+        "trajectories": cells.text(found.trajectories),
+        "margin": cells.text(margin),
+        "reason": cells.text(found.reason),
+        "bounded": bounded,
     }
 
 

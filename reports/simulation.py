@@ -19,7 +19,7 @@ from sims.closed_loop import Trajectory
 from sims.plots import plot_inputs, plot_outputs, plot_references, plot_tracking_error
 from symbolic.controller import AgentController, Controller
 
-WIDTH, HEIGHT = 6.9, 4.7
+WIDTH, HEIGHT = 6.9, 4.3
 LEGEND_UP_TO = 12
 PANELS = (plot_outputs, plot_references, plot_inputs, plot_tracking_error)
 
@@ -36,7 +36,7 @@ def simulation_section(
         "table": [
             [cells.text(cells.agents(law.id for law in group)), *map(_number, _gains(group[0]))] for group in groups
         ]
-        if len(groups) > 1
+        if len(groups) > 1 and not _remark(simulated, certified)["certified"]
         else None,
         "caption": cells.text("" if simulated is None else _coordinator(simulated)),
         "failure": None

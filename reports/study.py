@@ -16,7 +16,9 @@ from symbolic.plant import Interval, Plant
 if TYPE_CHECKING:
     from certify.assumptions.findings import CheckReport
     from certify.pipeline import GainsResult
+    from reports.region import Region
     from sims.closed_loop import Trajectory
+    from sims.falsifier import FalsifierResult
     from symbolic.derivation import Derivation
 
 Status = Literal["certified", "refuted", "rejected", "inconclusive"]
@@ -29,7 +31,9 @@ class Study:
     ``optimum`` is ``s*`` where it is rational, ``optimum_enclosure`` encloses it. ``certificate`` is the certificate as
     read (docs/certificate.md); left out, it is that of ``gains``. ``verification`` is the answer of the independent
     checker: ``{"status": "verified" | "rejected", "claim_sha256": …, "reason": …}``. ``simulated`` is the controller of
-    ``trajectory``, which need not be the certified one. ``versions`` maps names of tools and libraries to versions.
+    ``trajectory``, which need not be the certified one; ``runs`` are further ones from random starts. ``region`` has
+    the bounds that a verified certificate of the direct route proves, ``search`` what a search for a counterexample
+    found. ``versions`` maps names of tools and libraries to versions.
     """
 
     plant: Plant
@@ -42,6 +46,9 @@ class Study:
     verification: Mapping[str, str] | None = None
     trajectory: Trajectory | None = None
     simulated: Controller | None = None
+    runs: tuple[Trajectory, ...] = ()
+    region: Region | None = None
+    search: FalsifierResult | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
     seed: int | None = None
     commands: tuple[str, ...] = ()
@@ -67,13 +74,15 @@ class Conclusion:
 def conclusion(study: Study) -> Conclusion:
     """The strongest statement the study supports; anything short of a certificate has its reason in front.
 
-    ``refuted``: an assumption or the given gains fail. ``rejected``: the checker does not accept the certificate, which
-    does not make its claim false. A certificate that was found but not checked is certified and not verified, and so is
-    one of another claim than the checker's.
+    ``refuted``: an assumption or the given gains fail, or a trajectory was found that does not do what is claimed.
+    ``rejected``: the checker does not accept the certificate, which does not make its claim false. A certificate that
+    was found but not checked is certified and not verified, and so is one of another claim than the checker's.
     """
     failed = _first_finding(study, "fails")
     if failed:
         return Conclusion("refuted", failed, False)
+    if study.search is not None and study.search.status == "refuted":
+        return Conclusion("refuted", f"A SIMULATED TRAJECTORY BREAKS THE CLAIM: {study.search.reason}", False)
     answer = study.verification
     if answer is not None and answer["status"] == "rejected":
         return Conclusion(

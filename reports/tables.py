@@ -48,6 +48,17 @@ CONSTANTS = {
     "weight_vartheta": ("omega_theta.alt", "weight $4 sigma.alt_6 sigma.alt_7 sigma.alt_8$"),
 }
 
+TUBE = {
+    "T1": ("T_1", "length of the peaking phase (s)"),
+    "kappa": ("kappa", "decay of $norm(e)_(P_3)$ per $h$"),
+    "mu1": ("mu_1", "slowest rate of the kernels' majorants (1/s)"),
+    "mum": ("mu_m", "fastest rate of the kernels' majorants (1/s)"),
+    "kernel_rates": ("m", "number of rates"),
+    "steps": ("k", "steps of the tube"),
+    "end": ("t_k", "end of the grid (s)"),
+    "rho": ("rho", "decay rate of the tail (1/s)"),
+}
+
 THRESHOLDS = {
     "g": ("g", "high gain of the stabiliser"),
     "K": ("K", "feedback gain"),

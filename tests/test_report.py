@@ -227,9 +227,11 @@ def certificate(plant: Plant, h: Fraction | None = HUGE) -> dict[str, object]:
     ]
     square = [["1/3", "0"], ["0", "2"]]
     witness = [{"id": str(a.id), "level": "10", "V0": [], "P1": [["1"]], "P2": [], "P3": square} for a in plant.agents]
-    coordinator = {"P": square, "rate": "2/5", "mixing_rate": "1/3", "step": "1/64", "steps": "64"}
+    coordinator = {
+        "P": square, "multiplier": ["1", "1"], "rate": "2/5", "mixing_rate": "1/3", "step": "1/64", "steps": "64"
+    }  # fmt: skip
     claim = {"plant_sha256": plant.sha256, "alpha1": "3", "alpha2": "2", "agents": agents}
-    return {"claim": claim, "witness": {"coordinator": coordinator, "agents": witness}}
+    return {"claim": claim, "witness": {"optimum": ["3/2", "3/2"], "coordinator": coordinator, "agents": witness}}
 
 
 def gains(status: str, reason: str = "", linear: object = None) -> SimpleNamespace:

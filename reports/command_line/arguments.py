@@ -21,6 +21,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 class Route(StrEnum):
     """The ways to a certificate."""
 
+    DIRECT = "direct"
     RECIPE = "recipe"
 
 

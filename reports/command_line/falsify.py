@@ -29,6 +29,7 @@ def command(
     ] = None,
     budget: Annotated[int, typer.Option(help="Trajectories for each agent, about.", min=1, max=10**7)] = BUDGET,
     seed: Annotated[int, typer.Option(help="The same seed gives the same search.", min=0, max=2**32)] = 0,
+    fast: Annotated[bool, typer.Option("--fast", help="Compiled integrator (extra fast).")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Search for a trajectory that breaks the claim. Finding none proves nothing."""
@@ -44,7 +45,7 @@ def command(
 
     controller = certified_controller(read, loaded, str(certificate))
     with Steps().step("falsify") as report, naming(plant):
-        found = falsify(loaded, controller, budget=budget, seed=seed, progress=report)
+        found = falsify(loaded, controller, budget=budget, seed=seed, progress=report.progress)
         report(found.status)
     if output is not None and found.witness is not None:
         write_atomically(output, found.witness.text().encode())

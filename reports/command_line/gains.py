@@ -23,7 +23,7 @@ def command(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="CERT", help="Certificate to write.", show_default=False)
     ],
-    route: RouteOption = Route.RECIPE,
+    route: RouteOption = Route.DIRECT,
     as_json: JsonOption = False,
 ) -> None:
     """Find gains and write the certificate that proves them; or decide the gains of the plant file."""
@@ -35,7 +35,7 @@ def command(
     from certify.pipeline import design_gains
 
     with Steps().step("gains") as report, naming(plant):
-        result = design_gains(loaded, route=route.value, progress=report)
+        result = design_gains(loaded, route=route.value, progress=report.progress)
         report(result.status)
     if result.certificate is not None:
         write_certificate(result.certificate, output)

@@ -31,6 +31,7 @@ def command(
     require_writable(output)
     prepare_drawing()
     from reports.command_line import study_steps as step
+    from reports.command_line.certified_steps import with_region, with_runs
     from reports.document import build_report
     from reports.study import conclusion
 
@@ -41,6 +42,7 @@ def command(
         study = step.with_check(study, steps)
         study = step.with_derivation(study, plant, steps)
         study = step.with_simulation(study, steps)
+        study = with_runs(with_region(study, steps), steps)
     with steps.step("report"):
         build_report(study, output)
     found = conclusion(study)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from certify.files import make_folder, write_atomically
 from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, Route, RouteOption
 from reports.command_line.drawing import prepare_drawing
-from reports.command_line.falsify import NOT_THERE
 from reports.command_line.gains import gains_table
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.steps import Steps
@@ -17,13 +16,13 @@ from reports.command_line.steps import Steps
 if TYPE_CHECKING:
     from reports.study import Study
 
-CERTIFICATE, REPORT, SUMMARY = "certificate.json", "report.pdf", "summary.json"
+CERTIFICATE, REPORT, SUMMARY, WITNESS = "certificate.json", "report.pdf", "summary.json", "witness.json"
 
 
 def command(
-    plant: PlantArgument, output: FolderOption, route: RouteOption = Route.RECIPE, as_json: JsonOption = False
+    plant: PlantArgument, output: FolderOption, route: RouteOption = Route.DIRECT, as_json: JsonOption = False
 ) -> None:
-    """Check, derive, find gains, verify, simulate and write the report."""
+    """Check, derive, find gains, verify, simulate, search for counterexamples and write the report."""
     from symbolic.plant_file import load_plant
 
     loaded = load_plant(plant)
@@ -34,7 +33,8 @@ def command(
 
     steps = Steps()
     with naming(plant):
-        study = studied(started(loaded, ["run", plant, "-o", output]), plant, output, route.value, steps)
+        begun = started(loaded, ["run", plant, "-o", output, "--route", route.value])
+        study = studied(begun, plant, output, route.value, steps)
     with steps.step("report") as report:
         build_report(study, output / REPORT)
         report(str(output / REPORT))
@@ -47,6 +47,7 @@ def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps) -
     """All steps up to the report; what a failed assumption makes pointless is left out."""
     from certify.certificate import write_certificate
     from reports.command_line import study_steps as step
+    from reports.command_line.certified_steps import with_region, with_runs, with_search
 
     file = folder / CERTIFICATE
     study = step.with_check(study, steps)
@@ -59,12 +60,19 @@ def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps) -
         write_certificate(certificate, file)
         study = step.with_certificate(study, certificate, plant, file, steps)
     study = step.with_simulation(study, steps)
-    steps.note("falsify", f"left out: {NOT_THERE}")
+    study = with_runs(with_region(study, steps), steps)
+    study = with_search(study, steps)
+    witness = None if study.search is None else study.search.witness
+    if witness is None:
+        (folder / WITNESS).unlink(missing_ok=True)
+    else:
+        write_atomically(folder / WITNESS, witness.text().encode())
     return study
 
 
 def outcome(study: Study) -> Outcome:
     """The conclusion of the report's first page, with the gains and the claim it is about."""
+    from reports.details import details, search_fields
     from reports.study import conclusion
 
     found = conclusion(study)
@@ -73,7 +81,8 @@ def outcome(study: Study) -> Outcome:
         "reason": found.reason,
         "verified": found.verified,
         **{key: summary.get(key) for key in ("route", "gains", "claim")},
-        "falsify": NOT_THERE,
+        "falsify": search_fields(study.search),
+        "details": details(study),
     }
     lines = gains_table(study.gains.summary["gains"] if study.gains else None)
     said = found.reason or ("every obligation was proved, and the checker agrees" if found.verified else "not verified")

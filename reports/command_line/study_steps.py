@@ -8,17 +8,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from certify.assumptions.check import check_assumptions
 from certify.certificate import Json
 from certify.optimum import NoOptimumError, optimum
 from certify.pipeline import design_gains, tool_versions
-from reports.command_line.controllers import demonstration_controller
+from reports.certificate_view import certified_gains
+from reports.command_line.controllers import certified_controller, demonstration_controller
 from reports.command_line.derive import derived
 from reports.command_line.simulate import HORIZON, obstacle, sentence
 from reports.command_line.steps import Steps
 from reports.command_line.verify import verified
-from reports.study import Study, source_date
+from reports.study import Study, conclusion, source_date
 from sims.closed_loop import simulate
+from sims.signals import Array
+from symbolic.controller import Controller
 from symbolic.plant import Plant
 
 
@@ -49,7 +54,7 @@ def with_derivation(study: Study, plant: Path, steps: Steps) -> Study:
 def with_gains(study: Study, route: str, steps: Steps) -> Study:
     """A certificate, or the reason why there is none."""
     with steps.step("gains") as report:
-        gains = design_gains(study.plant, route=route, progress=report, check=study.check)
+        gains = design_gains(study.plant, route=route, progress=report.progress, check=study.check)
         report(gains.status if gains.certificate is not None else f"{gains.status}: {gains.reason}")
     return replace(study, gains=gains)
 
@@ -63,13 +68,29 @@ def with_certificate(study: Study, certificate: Json, plant: Path, file: Path, s
 
 
 def with_simulation(study: Study, steps: Steps) -> Study:
-    """A run from the centre of the boxes with moderate gains."""
+    """A run from the centre of the boxes: with the gains of a verified certificate if floats can follow them, else with
+    moderate gains."""
     with steps.step("simulate") as report:
         reason = "nothing was derived" if study.derivation is None else obstacle(study.plant, study.derivation)
         if study.derivation is None or reason:
             report(reason)
             return study
-        controller = demonstration_controller(study.plant, study.derivation)
-        trajectory = simulate(study.plant, controller, horizon=HORIZON)
+        controller = _simulable(study) or demonstration_controller(study.plant, study.derivation)
+        trajectory = simulate(study.plant, controller, horizon=HORIZON, samples=_samples(controller))
         report(sentence(trajectory))
     return replace(study, trajectory=trajectory, simulated=controller)
+
+
+def _simulable(study: Study) -> Controller | None:
+    certified = certified_gains(study.found_certificate)
+    if certified is None or certified.too_large or not conclusion(study).verified:
+        return None
+    return certified_controller(study.found_certificate or {}, study.plant, "the certificate")
+
+
+def _samples(controller: Controller) -> Array:
+    """Equidistant instants, and more at the start, where the fastest observer peaks."""
+    fastest = max((float(law.h) for law in controller.agents if law.h is not None), default=1.0)
+    start = np.geomspace(min(1e-2, 0.01 / fastest), HORIZON / 100, 300)
+    samples: Array = np.union1d(np.linspace(0.0, HORIZON, 1001), start)
+    return samples

@@ -1,0 +1,87 @@
+"""The steps of a study that a certificate makes possible: its region, a run with its gains, a search against it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from certify.coordinator.envelope import Envelope
+from reports.certificate_view import CertifiedGains, certified_gains
+from reports.command_line.controllers import certified_controller
+from reports.command_line.simulate import HORIZON
+from reports.command_line.steps import Steps
+from reports.recomputed import coordinator_envelope
+from reports.region import region
+from reports.region_bounds import signal_bounds
+from reports.study import Study, conclusion
+from sims.closed_loop import simulate
+from sims.falsifier import falsify
+from sims.scenario import random_scenario
+
+SEED = 0
+RUNS = 4
+SEARCHED, LEAST_SEARCHED = 300, 20  # trajectories in all and at least per agent: some 12 s for the paper's example
+
+
+def with_region(study: Study, steps: Steps) -> Study:
+    """The bounds that a verified certificate of the direct route proves."""
+    certified = certified_gains(study.found_certificate)
+    if certified is None or not certified.direct or not conclusion(study).verified:
+        return study
+    with steps.step("region") as report:
+        envelope = _envelope(study, certified)
+        if isinstance(envelope, str) or study.derivation is None:
+            report(f"left out: {envelope}")
+            return study
+        found = region(study.plant, study.derivation, certified, envelope)
+        if isinstance(found, str):
+            report(f"left out: {found}")
+            return study
+        worst = max(float(agent.error.peak) for agent in found.agents)
+        report(f"|y_i - s*| <= {worst:.3g} for all t >= 0")
+    return replace(study, region=found)
+
+
+def with_runs(study: Study, steps: Steps) -> Study:
+    """Runs from random starts beside the one from the centre, where that used the certified gains."""
+    if study.region is None or study.trajectory is None or study.simulated is None:
+        return study
+    certified = certified_gains(study.found_certificate)
+    if certified is None or not certified.same_as(study.simulated):
+        return study
+    controller, plant = study.simulated, study.plant
+    with steps.step("runs") as report:
+        scenarios = [
+            random_scenario(plant, controller, (SEED, k), parameters="vertex", start="vertex") for k in range(RUNS)
+        ]
+        runs = tuple(
+            simulate(plant, controller, horizon=HORIZON, scenario=scenario, samples=study.trajectory.t)
+            for scenario in scenarios
+        )
+        report(f"{RUNS} starts at vertices of all boxes, seed {SEED}")
+    return replace(study, runs=runs, seed=SEED)
+
+
+def with_search(study: Study, steps: Steps) -> Study:
+    """A search for a trajectory that breaks the claim or leaves the region: a fixed number of trajectories, so that the
+    same inputs give the same report."""
+    certified = certified_gains(study.found_certificate)
+    if certified is None or not conclusion(study).verified:
+        steps.note("falsify", "left out: there is no verified certificate")
+        return study
+    if certified.too_large:
+        steps.note("falsify", "left out: no integrator in floats follows gains this large")
+        return study
+    bounds = () if study.region is None else signal_bounds(study.region)
+    budget = max(LEAST_SEARCHED, SEARCHED // len(study.plant.agents))
+    with steps.step("falsify") as report:
+        controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")
+        found = falsify(study.plant, controller, budget=budget, seed=SEED, bounds=bounds, progress=report.progress)
+        report(found.reason)
+    return replace(study, search=found, seed=SEED)
+
+
+def _envelope(study: Study, certified: CertifiedGains) -> Envelope | str:
+    """That of the search, if this is its certificate, else computed from the witness."""
+    if study.gains is not None and study.gains.envelope is not None:
+        return study.gains.envelope
+    return coordinator_envelope(study.plant, certified)
