@@ -168,6 +168,8 @@ PLANT_CHANGES: list[tuple[str, str, str]] = [
     ('cost          = "(s - 1)^2/2"', 'cost = "s^2 + sin(s^2)/1000"', "agent 1: A1"),
     ('cost          = "(s - 1)^2/2"', 'cost = "exp(s) + exp(-s)"', "agent 1: A1"),
     ('cost          = "(s - 1)^2/2"', 'cost = "s^2 - sqrt(s)"', "agent 1: A1"),
+    ('cost          = "(s - 1)^2/2"', 'cost = "(s - 1)^2/2 + 0*log(s)"', "coordinator"),
+    ('cost          = "(s - 1)^2/2"', 'cost = "(s - 1)^2/2 + 0/s"', "coordinator"),
     ('cost          = "(s - 1)^2/2"', 'cost = "(s - 2)^2/2"', "optimum: Σc'(lo) ≤ 0 ≤ Σc'(hi)"),
     ('cost          = "(s - 1)^2/2"', 'cost = "50*(s - 1)^2"', "optimum: Σc'(lo) ≤ 0 ≤ Σc'(hi)"),
     ('"z1*x1/4 + w1*x2 + sin(x1) + v1"', '"z1*x1/4 + w1*x2 + cos(x1) + v1"', "agent 1: A0: f(0, 0, 0, w) = 0"),

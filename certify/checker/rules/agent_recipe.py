@@ -23,6 +23,7 @@ from certify.checker.verdict import Malformed, Rejected, Undecided, obligation, 
 
 ZERO = Interval(0, 0)
 MAX_FREE_ENTRIES = 12
+STEADY_STATE_CUTS = 12
 
 
 def prove_design(agent: Agent, claim: AgentClaim, witness: AgentWitness) -> None:
@@ -77,8 +78,9 @@ class _Recipe:
 
     def prove(self) -> None:
         with obligation(f"{self.name}: A3: z* is smooth"):
-            self.z_star = self.known.steady_state(self.facts.v, self.cuts)
-            self.z_star_at_start = self.known.steady_state(self.facts.v_at_start, self.cuts)
+            cuts = max(self.cuts, STEADY_STATE_CUTS)
+            self.z_star = self.known.steady_state(self.facts.v, cuts)
+            self.z_star_at_start = self.known.steady_state(self.facts.v_at_start, cuts)
         with obligation(self.name):
             self.boxes()
             self.zero_dynamics()
@@ -139,7 +141,7 @@ class _Recipe:
                 raise Undecided(f"J = {show(J)}, a0 = {show(self.witness.a0)}")
         return ZERO
 
-    def supremum(self, nodes: Sequence[Node], box: Mapping[str, Interval], wanted: Sequence[str],
+    def largest_norm(self, nodes: Sequence[Node], box: Mapping[str, Interval], wanted: Sequence[str],
                  combine: Callable[[Mapping[str, Interval]], list[Interval]]) -> Interval:
         """The largest Euclidean norm on the box of what ``combine`` makes of the gradients in the wanted names."""
         def size(piece: Mapping[str, Interval]) -> Interval:
@@ -192,7 +194,7 @@ class _Recipe:
 
     def slope(self, nodes: Sequence[Node], box: Mapping[str, Interval], wanted: Sequence[str]) -> Interval:
         """``⌈‖∂nodes/∂wanted‖⌉`` on the box."""
-        return self.supremum(nodes, box, wanted, lambda partials: list(partials.values()))
+        return self.largest_norm(nodes, box, wanted, lambda partials: list(partials.values()))
 
     def chain_slope(self, box: Mapping[str, Interval], inner: bool) -> Interval:
         """``⌈‖(g^(k−1) ∂_k f1 − g^(n−1) γ_k ∂_n f1)_(k<n)‖⌉``; ``inner`` adds that of ``Σ g^(n−k) γ_k x̄_(k+1)``."""
@@ -204,7 +206,7 @@ class _Recipe:
             return [g**k * partials[f"x{k + 1}"] - g ** (n - 1) * gamma[k] * partials[f"x{n}"] + share[k]
                     for k in range(n - 1)]
 
-        return self.supremum([self.agent.f], box, self.agent.chain, entries)
+        return self.largest_norm([self.agent.f], box, self.agent.chain, entries)
 
     def start(self) -> Interval:
         """``w0``: a bound of ``V0 + V1 + V2/ω_η + ϑ²/(2ω_ϑ)`` on the initial set."""

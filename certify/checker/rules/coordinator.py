@@ -9,7 +9,7 @@ from math import ceil, floor, isqrt
 
 from certify.checker import linear
 from certify.checker.certificate import Certificate
-from certify.checker.intervals import Interval, enclose, maximum, total
+from certify.checker.intervals import Interval, enclose, maximum, symmetric, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Plant
 from certify.checker.rules.assumptions import Facts
@@ -69,6 +69,7 @@ class _Coordinator:
         require(min(self.rate, self.mixing_rate) > 0, "coordinator: λ0, λ̂ > 0", rate=self.rate, mixing=self.mixing_rate)
         self.B = [*linear.identity(n - 1), [-entry / self.r[-1] for entry in self.r[:-1]]]
         self.norm = Norm(self.P)
+        self.optimum = fixed_down(facts.optimum), fixed_up(facts.optimum)
 
     def mixing_inequality(self) -> None:
         """``Rm L + LᵀRm − 2λ̂(Rm − r rᵀ) ⪰ 0``."""
@@ -78,22 +79,18 @@ class _Coordinator:
         require(linear.is_nonnegative(left), "mixing: Rm L + LᵀRm ⪰ 2λ̂(Rm − r rᵀ)", rate=self.mixing_rate)
 
     def walk_mixing(self) -> None:
-        """Lower bounds of every ``ξ_i^i`` on every step, its range over all time, and the box of ``D``."""
+        """Every ``ξ_i^i`` on every step, its range over all time, and the box of ``D``."""
         n = self.size
-        spend(self.steps * n**2 * (4 * n + 150))
+        spend(self.steps * (n**2 * (4 * n + 150) + 2_000))  # time, and memory of what is kept of a step
         mixing = Mixing(self.L, self.step)
-        ranges = []
-        for _ in range(self.steps):
-            ranges.append([mixing.range_now(i) for i in range(n)])
-            mixing.advance()
+        self.mixing = [mixing.advance() for _ in range(self.steps)]
         self.at_end = mixing
-        self.xi_lows = [[low for low, _ in step] for step in ranges]
-        ranges.append([mixing.range_later(i) for i in range(n)])
-        self.xi_min = [min(step[i][0] for step in ranges) for i in range(n)]
+        later = [mixing.range_later(i) for i in range(n)]
+        self.xi_min = [min(later[i][0], *(step.low[i] for step in self.mixing)) for i in range(n)]
         require(min(self.xi_min) > 0, "mixing: ξ_min > 0", xi_min=[Fraction(low, UNIT) for low in self.xi_min])
         self.damping = []
         for i, cost in enumerate(self.facts.costs):
-            high = max(step[i][1] for step in ranges)
+            high = max(later[i][1], *(step.high[i] for step in self.mixing))
             ends = cost.least * UNIT / high, cost.largest * UNIT / self.xi_min[i]
             self.damping.append((_short(ends[0], floor), _short(ends[1], ceil)))
 
@@ -129,18 +126,17 @@ class _Coordinator:
         consensus, feedback = ([[a * self.step * entry for entry in row] for row in matrix]
                                for a, matrix in ((self.a1, self.L), (self.a2, self.B)))
         stepper = Stepper(self.facts.costs, consensus, feedback, self.step)
-        mixing, steps = Mixing(self.L, self.step), [list[Step]() for _ in range(self.size)]
+        steps = [list[Step]() for _ in range(self.size)]
         y, omega = [floor((lo + hi) / 2 * UNIT) for lo, hi in self.boxes], [0] * (self.size - 1)
         radii = [max(ceil(hi * UNIT) - m, m - floor(lo * UNIT)) for (lo, hi), m in zip(self.boxes, y, strict=True)]
         w = self.norm(radii + omega)
-        for lows in self.xi_lows:
-            segment = stepper.advance(mixing, y, omega, lows)
+        for mixing in self.mixing:
+            segment = stepper.advance(mixing, y, omega)
             forced = self.norm(segment.defects) * self.rate.denominator // self.rate.numerator + 1
             for i, found in enumerate(steps):
                 found.append(self.reach(segment, i, kappa[i], nu[i], max(w, forced)))
             w = max(e * w + (UNIT - e) * forced for e in factors) // UNIT + 1
             y, omega = [sum(poly) for poly in segment.y], [sum(poly) for poly in segment.omega]
-            mixing.advance()
         return self.tail(point(w), y, omega, steps)
 
     def rows_of(self, i: int) -> list[Sequence[Fraction]]:
@@ -151,9 +147,9 @@ class _Coordinator:
         """``|ỹ_i| ≤ max|ŷ_i − s*| + κ_i W_k`` and ``|ẏ_i^r| ≤ max|ŷ_i'| + |ρ_i| + ν_i W_k`` on a step."""
         start, *rest = segment.y[i]
         spread = (kappa * deviation >> SCALE) + 1
-        gap = max(start - fixed_down(self.facts.optimum), fixed_up(self.facts.optimum) - start)
+        gap = max(start - self.optimum[0], self.optimum[1] - start)
         distance = gap + sum(map(abs, rest)) + spread
-        climb = ceil(sum(j * abs(c) for j, c in enumerate(rest, 1)) / self.step)
+        climb = sum(j * abs(c) for j, c in enumerate(rest, 1)) * self.step.denominator // self.step.numerator + 1
         speed = climb + segment.defects[i] + (nu * deviation >> SCALE) + 1
         low, high = (start + sum(bound(c, 0) for c in rest) for bound in (min, max))
         return Step(low - spread, high + spread, distance, speed)
@@ -172,13 +168,14 @@ class _Coordinator:
         forced = point(self.norm([fixed_up(entry) for entry in forcing] + [0] * (self.size - 1)))
         M1 = (w + gap + forced / (self.rate - rate)).upper
         result = []
-        for found, kappa, nu, p in zip(steps, self.kappa, self.nu, forcing, strict=True):
+        for cost, found, kappa, nu, p in zip(self.facts.costs, steps, self.kappa, self.nu, forcing, strict=True):
             distance, speed = kappa * M1, nu * M1 + p
             reference = Reference(self.facts.optimum, self.step, found, distance.upper, speed.upper, rate)
             squares, speeds = (self.step * Interval(n, n, -2 * SCALE) for n in (
                 sum(step.distance**2 for step in found), sum(step.speed**2 for step in found)))
             energy, speed_energy = squares + distance**2 / (2 * rate), speeds + speed**2 / (2 * rate)
             peak = maximum(point(max(step.distance for step in found)), distance)
+            cost.prove_smooth(self.facts.optimum + symmetric(peak))
             result.append(AgentEnvelope(peak, energy.upper, speed_energy.upper, reference))
         return tuple(result)
 

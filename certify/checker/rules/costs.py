@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from certify.checker import functions, tails
-from certify.checker.expressions import Node, terms_of
+from certify.checker.expressions import Node, evaluate, terms_of
 from certify.checker.intervals import Interval, between, enclose, hull, total
 from certify.checker.plant import Agent
 from certify.checker.polynomials import ZERO, Algebra, constant, variable
@@ -24,6 +24,7 @@ CUTS = 500
 class Cost:
     """``least ≤ c'' ≤ largest`` on the whole line; ``affine = (c'(0), c'')`` if ``c`` is a quadratic over Q."""
 
+    expression: Node
     derivatives: Derivatives
     least: Fraction
     largest: Fraction
@@ -38,6 +39,10 @@ class Cost:
 
     def curvature(self, s: Interval) -> Interval:
         return self.derivatives.at(2, s)
+
+    def prove_smooth(self, s: Interval) -> None:
+        """Every part of the expression is smooth on the interval, those that a factor 0 hides included."""
+        value_range(lambda box: evaluate(self.expression, box, enclose, functions.call), {"s": s}, ["s"], CUTS)
 
 
 class Derivatives:
@@ -74,7 +79,8 @@ def prove_cost(agent: Agent) -> Cost:
         affine = derivatives.quadratic()
         found = enclose(affine[1]) if affine else _range_on_line(derivatives)
     require(found > 0, name, curvature=found)
-    return Cost(derivatives, affine[1], affine[1], affine) if affine else Cost(derivatives, found.lo, found.hi)
+    least, largest = (affine[1], affine[1]) if affine else (found.lo, found.hi)
+    return Cost(agent.cost, derivatives, least, largest, affine)
 
 
 def prove_optimum(costs: Sequence[Cost], lo: Fraction, hi: Fraction) -> tuple[Interval, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, factorial, floor
 
@@ -14,7 +15,7 @@ from certify.checker.verdict import require
 SCALE = 192
 UNIT = 1 << SCALE
 TERMS = 50  # of the series of e^(−LΔ): 3/50! < 2^−192
-ORDER = 6  # of the polynomials in the time within a step
+ORDER = 4  # of the polynomials in the time within a step
 
 
 def fixed_up(value: Interval | Fraction) -> int:
@@ -32,6 +33,16 @@ def point(value: int, error: int = 0) -> Interval:
 
 def dot(x: Sequence[int], y: Sequence[int]) -> int:
     return sum(a * b for a, b in zip(x, y, strict=True))
+
+
+@dataclass(frozen=True)
+class StepOfMixing:
+    """All ``ξ_i^i`` on one step: their ranges, and polynomials in ``σ = τ/Δ ∈ [0, 1]`` within ``error`` units."""
+
+    low: list[int]
+    high: list[int]
+    taylor: list[list[int]]
+    error: int
 
 
 class Mixing:
@@ -56,11 +67,14 @@ class Mixing:
         self.error_of_flow = TERMS * TERMS  # the sum of all j, and less than one unit for the remainder 3/TERMS!
         self.keep = [max(0, fixed_down(1 - L[i][i] * step)) for i in range(n)]
 
-    def advance(self) -> None:
-        """``X ← e^(−LΔ) X``: the rows of the factor sum to 1, so the error so far is not amplified."""
+    def advance(self) -> StepOfMixing:
+        """One step. ``X ← e^(−LΔ) X``: the rows of the factor sum to 1, so the error so far is not amplified."""
+        low, high = zip(*map(self.range_now, range(self.size)), strict=True)
+        step = StepOfMixing(list(low), list(high), list(map(self.taylor, range(self.size))), self.taylor_error())
         columns = list(zip(*self.X, strict=True))
         self.X = [[dot(row, column) >> SCALE for column in columns] for row in self.flow]
         self.error += 2 * self.size * self.error_of_flow + 1
+        return step
 
     def column(self, i: int) -> list[int]:
         return [row[i] for row in self.X]
@@ -77,7 +91,7 @@ class Mixing:
         return min(column) - self.error, max(column) + self.error
 
     def taylor(self, i: int) -> list[int]:
-        """``ξ_i^i`` during the step, as a polynomial in ``σ = τ/Δ ∈ [0, 1]``, within ``taylor_error`` units."""
+        """``ξ_i^i`` during the step, within ``taylor_error`` units."""
         column = self.column(i)
         return [dot(self.terms[j][i], column) >> SCALE for j in range(ORDER + 1)]
 

@@ -13,7 +13,7 @@ from math import floor, lcm
 from certify.checker import linear
 from certify.checker.linear import Matrix
 from certify.checker.rules.costs import Cost
-from certify.checker.rules.mixing import ORDER, SCALE, UNIT, Mixing, fixed_down, fixed_up, point
+from certify.checker.rules.mixing import ORDER, SCALE, UNIT, StepOfMixing, fixed_down, fixed_up, point
 
 SLOPE_BITS = 64
 
@@ -47,10 +47,9 @@ class Stepper:
         self.feedback = [[int(entry * q) for entry in row] for row in feedback]
         self.q_step = int(q * step)
 
-    def advance(self, mixing: Mixing, y: list[int], omega: list[int], xi_low: list[int]) -> Segment:
-        """The step from ``y, ω``, on which ``ξ_i^i ≥ xi_low[i] > 0``."""
-        n, q = len(y), self.q
-        xi = [mixing.taylor(i) for i in range(n)]
+    def advance(self, mixing: StepOfMixing, y: list[int], omega: list[int]) -> Segment:
+        """The step from ``y, ω``, on which all ``ξ_i^i`` are positive."""
+        n, q, xi = len(y), self.q, mixing.taylor
         slopes = [self.slope(cost, value) for cost, value in zip(self.costs, y, strict=True)]
         ys, omegas = [[value] for value in y], [[value] for value in omega]
         us: list[list[int]] = [[] for _ in y]  # Δ c'(ŷ)/ξ
@@ -66,11 +65,10 @@ class Stepper:
                 ys[i].append(-(us[i][j] * q + drifts[i][j] + feedbacks[i][j]) // (q * (j + 1)))
             for i in range(n - 1 if j < ORDER else 0):
                 omegas[i].append(drifts[i][j] // (q * (j + 1)))
-        error = mixing.taylor_error()
         defects = []
         for i in range(n):
             rate = [sum(terms) for terms in zip(self.rates(ys[i]), drifts[i], feedbacks[i], strict=True)]
-            defects.append(self.defect(self.costs[i], slopes[i], ys[i], rate, xi[i], error, xi_low[i]))
+            defects.append(self.defect(self.costs[i], slopes[i], ys[i], rate, xi[i], mixing.error, mixing.low[i]))
         for i in range(n - 1):  # q Δ ρ_ω = q α1ΔLŷ − q dω̂/dσ
             rate = [a - b for a, b in zip(drifts[i], self.rates(omegas[i]), strict=True)]
             defects.append(sum(map(abs, rate)) // self.q_step + 1)
