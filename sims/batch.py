@@ -18,6 +18,7 @@ from sims import rodas5p
 from sims.signal_pool import Indices, Mask, PoolReader, SignalPool
 from sims.signals import Array
 from sims.stage_code import Function, StageSources, numpy_functions
+from symbolic.errors import InputError
 
 COMPLETED, ESCAPED, FAILED, ABANDONED = 0, 1, 2, 3
 _PROBES = (0.25, 0.5, 0.75, 1.0)
@@ -30,7 +31,8 @@ _SAFETY, _SHRINK, _GROW = 0.9, 0.15, 5.0
 @dataclass(frozen=True)
 class BatchOptions:
     """Tolerances per step, the radius beyond which a plant state counts as escaped, the most steps of a trajectory, and
-    whether the others are abandoned once one has escaped.
+    whether the others are abandoned once one has escaped (NumPy only). ``compiled`` takes the integrator of
+    ``sims.compiled``, which needs the extra ``fast``.
     """
 
     rtol: float = 1e-6
@@ -38,6 +40,7 @@ class BatchOptions:
     escape_radius: float = 1e9
     max_steps: int = 200_000
     stop_at_escape: bool = False
+    compiled: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,11 +77,36 @@ def integrate_batch(
     """
     members = np.asarray(member, dtype=np.intp)
     run = _Run(sources, plant_states, signals, members, start, parameters, end, times, options)
+    if options.compiled:
+        return _compiled(run, signals, start, parameters, end, times, options)
     with np.errstate(all="ignore"):
         run.begin()
         while run.ids.size:
             run.step()
     return run.solution
+
+
+def _compiled(
+    run: _Run, signals: SignalPool, start: Array, parameters: Array, end: float, times: Array, options: BatchOptions
+) -> BatchSolution:
+    try:
+        from sims.compiled import integrate_compiled
+    except ModuleNotFoundError as error:
+        raise InputError("the compiled integrator needs numba: pip install 'consensus-certify[fast]'") from error
+    limits = (options.rtol, options.atol, options.escape_radius, options.max_steps)
+    weights, member = (run.weights, run.input_weights), run.inputs.member
+    samples, counts, results = integrate_compiled(
+        run.sources, weights, run.plant, signals, member, start, parameters, end, times, limits
+    )
+    return BatchSolution(
+        samples=samples,
+        status=counts[:, 0].astype(np.int8),
+        end=results[:, 0],
+        peak=results[:, 1],
+        steps=counts[:, 1],
+        saturated=results[:, 2],
+        last_saturated=results[:, 3],
+    )
 
 
 class _Run:

@@ -87,13 +87,14 @@ def falsify(
     tolerance: Fraction = TOLERANCE,
     bounds: Sequence[SignalBound] | None = None,
     agents: Sequence[int] | None = None,
+    compiled: bool = False,
     progress: Progress | None = None,
 ) -> FalsifierResult:
     """Search with about ``budget`` trajectories per agent of ``horizon`` seconds; ``agents`` are all if left out.
 
     A trajectory breaks the claim when it escapes, when its error at the end is above ``tolerance`` and has stopped to
-    fall, or when it leaves one of the ``bounds``. The same ``seed`` gives the same search. Raises ``InputError`` for
-    options that do not fit.
+    fall, or when it leaves one of the ``bounds``. ``compiled`` takes the integrator of the
+    extra ``fast``. The same ``seed`` gives the same search. Raises ``InputError`` for options that do not fit.
     """
     if budget < 1 or seed < 0 or not 0.0 < horizon < math.inf or tolerance <= 0:
         raise InputError("the search needs budget >= 1, seed >= 0, a horizon > 0 and a tolerance > 0")
@@ -109,7 +110,7 @@ def falsify(
     least = math.inf
     for number in numbers:
         loop = agent_loop(plant, controller, number)
-        search = _Search(loop, shared, layers, horizon, tolerance, tuple(bounds or ()), say)
+        search = Search(loop, shared, layers, horizon, tolerance, tuple(bounds or ()), say, compiled)
         witness = search.hunt(budget, np.random.default_rng([seed, number]))
         tried.append(search.tried)
         least = min(least, search.margin)
@@ -145,13 +146,15 @@ def _survival(
 
 
 @dataclass(frozen=True)
-class _Candidate:
+class Candidate:
+    """A point of the agent's cube, and which of the shared starts it goes with."""
+
     cube: tuple[float, ...]
     member: int
 
 
-class _Search:
-    """The hunt for one agent."""
+class Search:
+    """The hunt for one agent: evaluates candidates, keeps count and least margin, confirms what looks broken."""
 
     def __init__(
         self,
@@ -162,12 +165,14 @@ class _Search:
         tolerance: Fraction,
         bounds: tuple[SignalBound, ...],
         say: Progress,
+        compiled: bool = False,
     ) -> None:
         self.loop, self.shared, self.say = loop, shared, say
         self.signals = loop.signals(layers)
         self.longer: SignalPool | None = None
         self.box = agent_box(loop.agent, loop.law)
         self.horizon, self.tolerance = horizon, tolerance
+        self.options = replace(_OPTIONS, compiled=compiled)
         self.bounds = tuple(bound for bound in bounds if bound.agent == loop.agent.id)
         self.frame = windows(loop.plant, horizon)
         early = np.linspace(0.0, horizon, 401) if self.bounds else np.zeros(0)
@@ -179,11 +184,11 @@ class _Search:
 
     def hunt(self, budget: int, generator: np.random.Generator) -> Witness | None:
         """Corners, inner points and faces, evolution; stops at the first counterexample that LSODA confirms."""
-        scored: list[tuple[float, _Candidate]] = []
+        scored: list[tuple[float, Candidate]] = []
         for name, candidates in self._stages(budget, generator):
             for k in range(0, len(candidates), _CHUNK):
                 part = candidates[k : k + _CHUNK]
-                scored += zip(self._evaluate(part), part, strict=True)
+                scored += zip(self.evaluate(part), part, strict=True)
                 self._tell(name)
                 if self.witness is not None:
                     return self.witness
@@ -191,12 +196,12 @@ class _Search:
             self._evolve(scored, budget, generator)
         return self.witness
 
-    def _stages(self, budget: int, generator: np.random.Generator) -> Iterator[tuple[str, list[_Candidate]]]:
+    def _stages(self, budget: int, generator: np.random.Generator) -> Iterator[tuple[str, list[Candidate]]]:
         members = range(len(self.shared))
         corners = self.box.corners(max(2, budget // 2), generator)
-        spread = [_Candidate(corner, k % len(members)) for k, corner in enumerate(corners)]
+        spread = [Candidate(corner, k % len(members)) for k, corner in enumerate(corners)]
         if len(corners) * len(members) <= budget // 2:
-            spread += [_Candidate(corner, m) for m in members for corner in corners]
+            spread += [Candidate(corner, m) for m in members for corner in corners]
         yield "corners", list(dict.fromkeys(spread))[: max(2, budget // 2)]
         n = len(self.box.free)
         inner = generator.random((max(1, budget // 6), n))
@@ -205,9 +210,9 @@ class _Search:
             side = generator.integers(n, size=len(faces))
             faces[np.arange(len(faces)), side] = generator.integers(2, size=len(faces))
         points = [tuple(map(float, row)) for row in (*inner, *faces)] if n else []
-        yield "inside and faces", [_Candidate(point, int(generator.integers(len(members)))) for point in points]
+        yield "inside and faces", [Candidate(point, int(generator.integers(len(members)))) for point in points]
 
-    def _evolve(self, scored: list[tuple[float, _Candidate]], budget: int, generator: np.random.Generator) -> None:
+    def _evolve(self, scored: list[tuple[float, Candidate]], budget: int, generator: np.random.Generator) -> None:
         n = len(self.box.free)
         members = len(self.shared)
         left = budget - self.tried.trajectories
@@ -221,8 +226,8 @@ class _Search:
         def cost(x: Array) -> Array:
             if self.witness is not None:
                 return np.zeros(x.shape[1])
-            found = [_Candidate(tuple(map(float, row[:n])), round(row[n])) for row in x.T]
-            return -np.array(self._evaluate(found))
+            found = [Candidate(tuple(map(float, row[:n])), round(row[n])) for row in x.T]
+            return -np.array(self.evaluate(found))
 
         def stop(*_: object, **__: object) -> bool:
             self._tell("evolution")
@@ -242,14 +247,14 @@ class _Search:
             callback=stop,
         )
 
-    def _point(self, candidate: _Candidate) -> AgentPoint:
+    def _point(self, candidate: Candidate) -> AgentPoint:
         return agent_point(self.loop.agent, self.loop.law, self.box.point(candidate.cube))
 
-    def _evaluate(self, candidates: Sequence[_Candidate]) -> list[float]:
+    def evaluate(self, candidates: Sequence[Candidate]) -> list[float]:
         """Run them and score each by how close it is to breaking the claim; a confirmed break ends the hunt."""
         points = [self._point(candidate) for candidate in candidates]
         members = [candidate.member for candidate in candidates]
-        solution = self.loop.run(self.signals, members, points, self.horizon, self.times, _OPTIONS)
+        solution = self.loop.run(self.signals, members, points, self.horizon, self.times, self.options)
         closeness = margin(self.bounds, self.loop.agent, solution.samples, self.times, self.loop.optimum)
         columns = np.searchsorted(self.times, self.frame.times)
         error = solution.samples[:, self.loop.output_row][:, columns] - self.loop.optimum
@@ -291,7 +296,7 @@ class _Search:
         chosen = list(slow[:_EXTENDED])
         frame = windows(self.loop.plant, horizon)
         solution = self.loop.run(
-            self.longer, [members[k] for k in chosen], [points[k] for k in chosen], horizon, frame.times, _OPTIONS
+            self.longer, [members[k] for k in chosen], [points[k] for k in chosen], horizon, frame.times, self.options
         )
         error = solution.samples[:, self.loop.output_row] - self.loop.optimum
         fates = [judge(row, frame, float(self.tolerance)) for row in error]
@@ -332,7 +337,7 @@ class _Search:
             bounds=self.bounds,
         )
         found = run_reference(self.loop, shared, point, blank)
-        if found.broken and found.fate not in ("escaped", "bound"):
+        if found.fate not in ("escaped", "bound", "failed"):
             blank = replace(blank, horizon=_EXTENSION * blank.horizon)
             found = run_reference(self.loop, shared, point, blank)
         if not found.broken:

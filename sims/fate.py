@@ -52,17 +52,21 @@ def amplitudes(error: Array, frame: Windows) -> Array:
     return np.abs(error).reshape(*error.shape[:-1], frame.count, -1).max(axis=-1)
 
 
-def judge(error: Array, frame: Windows, tolerance: float) -> Fate:
-    """The fate of one completed trajectory by its output error ``y − s*`` at ``frame.times``."""
-    second, third = amplitudes(error, frame)[-2:]
+def judge(error: Array, frame: Windows, tolerance: float, *, strict: bool = False) -> Fate:
+    """The fate of one completed trajectory by its output error ``y − s*`` at ``frame.times``.
+
+    ``strict`` compares the last window with both before it: what is to count as a counterexample has to pass it.
+    """
+    first, second, third = amplitudes(error, frame)
     if not math.isfinite(third):
         return "failed"
     if third <= tolerance:
         return "converged"
-    if third > _GROWTH * second:
-        return "grows"
-    if third < _STEADY * second:
+    before = max(first, second) if strict else second
+    if third < _STEADY * before:
         return "slow"
+    if third > _GROWTH * before:
+        return "grows"
     last = error[-_PER_WINDOW:]
     return "oscillates" if np.ptp(last) > 0.1 * third else "offset"
 

@@ -147,7 +147,7 @@ def run_reference(
     sizes = tuple(float(size) for size in amplitudes(error, frame))
     fate: str = solution.status
     if fate == "completed":
-        fate = judge(error, frame, float(witness.tolerance))
+        fate = judge(error, frame, float(witness.tolerance), strict=True)
     if closeness < 0 and fate not in BROKEN:
         fate = "bound"
     return Replay(

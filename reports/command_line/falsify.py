@@ -45,7 +45,7 @@ def command(
 
     controller = certified_controller(read, loaded, str(certificate))
     with Steps().step("falsify") as report, naming(plant):
-        found = falsify(loaded, controller, budget=budget, seed=seed, progress=report.progress)
+        found = falsify(loaded, controller, budget=budget, seed=seed, compiled=fast, progress=report.progress)
         report(found.status)
     if output is not None and found.witness is not None:
         write_atomically(output, found.witness.text().encode())
