@@ -329,11 +329,15 @@ def test_the_decay_holds_along_the_vector_field(which: tuple[str, int], vertex: 
     found, feedback, im, n = recipe.level.found, recipe.feedback, model.internal_model, model.order
     g, K = mpf_of(recipe.controller.g), mpf_of(recipe.controller.K)
     we, wt = mpf_of(found.weight_eta), mpf_of(found.weight_vartheta)
-    for number in range(30):
+    for number in range(60):
         point = Point(case, generator, vertex)
-        scale = mpf(10) ** -generator.integers(0, 12)
-        z, x, eta = ([v * scale for v in block] for block in (point.z, point.x, point.eta))
-        theta = point.theta * mpf(10) ** -generator.integers(0, 12)
+        sparse = number % 2 == 0  # few blocks at a time, so that no large one hides the others
+        sizes = [mpf(10) ** -generator.integers(0, 3 if sparse else 12) for _ in range(4)]
+        if sparse:
+            sizes = [size * int(generator.integers(0, 2)) for size in sizes]
+            sizes[2] = sizes[3] = mpf(0)
+        z, x, eta = ([v * s for v in block] for block, s in zip((point.z, point.x, point.eta), sizes, strict=False))
+        theta = point.theta * sizes[3]
         b = point.value(model.agent.b)
         rate = mpf(float(generator.normal())) * mpf(10) ** int(generator.integers(-3, 4))
         u = -K * theta * mpf(float(generator.uniform(-1, 2)))
