@@ -21,9 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from certify.pipeline import design_gains
-from reports.command_line.controllers import certified_controller
 from sims.falsifier import falsify
-from symbolic.controller import Controller
+from symbolic.controller import AgentController, Controller
 from symbolic.plant import Plant
 from symbolic.plant_file import parse_plant
 
@@ -52,7 +51,7 @@ def route(plant: Plant, name: str) -> tuple[Json, Controller | None]:
     row: Json = {"status": result.status, "seconds": round(time.monotonic() - begin, 1)}
     if result.certificate is None:
         return {**row, "reason": result.reason}, None
-    controller = certified_controller(result.certificate, plant, name)
+    controller = _controller(result.certificate["claim"])
     row["agents"] = {
         str(law.id): [_magnitude(law.g), _magnitude(law.K), _magnitude(law.h)] for law in controller.agents
     }
@@ -159,6 +158,25 @@ def _recipe(recipe: Json, number: str) -> str:
         return recipe.get("status", "not measured")
     _, K, h = recipe["agents"][number]
     return f"{_show(K)}, {_show(h)}"
+
+
+def _controller(claim: Json) -> Controller:
+    """The controller of a claim that was just made."""
+    laws = tuple(
+        AgentController(
+            id=int(entry["id"]),
+            M=tuple(_row(row) for row in entry["M"]),
+            h=None if entry["h"] is None else Fraction(entry["h"]),
+            **{key: _row(entry[key]) for key in ("gamma", "observer", "N", "psi")},
+            **{key: Fraction(entry[key]) for key in ("g", "K", "delta")},
+        )
+        for entry in claim["agents"]
+    )
+    return Controller(Fraction(claim["alpha1"]), Fraction(claim["alpha2"]), laws)
+
+
+def _row(entries: list[str]) -> tuple[Fraction, ...]:
+    return tuple(map(Fraction, entries))
 
 
 def _magnitude(value: Fraction | None) -> float | None:
