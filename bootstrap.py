@@ -27,14 +27,14 @@ def fail(reason):
     sys.exit(2)
 
 
-def digest(*paths):
-    return hashlib.sha256(b"\0".join(path.read_bytes() for path in paths)).hexdigest()
+def lock(group):
+    return ROOT / "requirements" / (group + ".lock")
 
 
-def wanted(group):
-    """What the stamp says of ``group`` (runtime or test) when it is installed."""
-    lock = ROOT / "requirements" / (group + ".lock")
-    return digest(lock, ROOT / "pyproject.toml") if group == "runtime" else digest(lock)
+def wanted(part):
+    """What the stamp says of ``part`` (runtime, test or project) when it is installed."""
+    source = ROOT / "pyproject.toml" if part == "project" else lock(part)
+    return hashlib.sha256(source.read_bytes()).hexdigest()
 
 
 def installed():
@@ -62,21 +62,22 @@ def make_environment():
         fail("this Python cannot make a virtual environment with pip; on Debian and Ubuntu: apt install python3-venv")
 
 
-def set_up(groups):
+def set_up(parts):
     state = installed()
-    missing = [group for group in groups if state.get(group) != wanted(group)]
+    missing = [part for part in parts if state.get(part) != wanted(part)]
     if not missing:
         return
-    print("bootstrap: installing into .venv, once (about half a minute and 650 MB)", file=sys.stderr)
     if not state:
+        print("bootstrap: installing into .venv, once (about half a minute and 650 MB)", file=sys.stderr)
         make_environment()
         state = {"python": sys.version, "root": str(ROOT)}
     STAMP.unlink(missing_ok=True)
-    locks = [item for group in missing for item in ("-r", str(ROOT / "requirements" / (group + ".lock")))]
-    pip("--require-hashes", "--only-binary", ":all:", *locks)
-    if "runtime" in missing:
+    locks = [item for part in missing if part != "project" for item in ("-r", str(lock(part)))]
+    if locks:
+        pip("--require-hashes", "--only-binary", ":all:", *locks)
+    if "project" in missing:
         pip("--no-index", "--no-build-isolation", "--editable", str(ROOT))
-    state.update({group: wanted(group) for group in missing})
+    state.update({part: wanted(part) for part in missing})
     STAMP.write_text(json.dumps(state, indent=1))
 
 
@@ -86,7 +87,7 @@ def main():
     command, arguments = (sys.argv[1] if len(sys.argv) > 1 else ""), sys.argv[2:]
     if command not in ("certify", "test", "setup"):
         fail("say what to run: certify, test or setup")
-    set_up(["runtime"] if command == "certify" else ["runtime", "test"])
+    set_up(["runtime", "project"] if command == "certify" else ["runtime", "test", "project"])
     if command == "certify":
         os.execv(VENV / "bin" / "certify", ["certify", *arguments])
     if command == "test":
