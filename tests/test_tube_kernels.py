@@ -69,7 +69,7 @@ def test_majorants_are_within_a_factor_of_the_peak_to_peak_gains(name: str, numb
 
 
 def _floats(trial: Trial, times: Array) -> Array:
-    """The responses from the modes, which the majorants were made from; the other test compares those with exact ones."""
+    """The responses from the modes; the other test has exact ones."""
     found = trial.modes
     moved = np.exp(-np.outer(times, found.decay))[:, :, None] * found.columns[None]
     position = 0
@@ -85,7 +85,7 @@ def _floats(trial: Trial, times: Array) -> Array:
 
 @pytest.mark.parametrize(("name", "number"), EVERY)
 def test_the_nominal_matrix_is_the_closed_loop_linearised(name: str, number: int) -> None:
-    """Exactly: the simulation's equations, with nominal slopes for the plant, have the Jacobian ``A`` and column ``B``."""
+    """Exactly: the simulation's equations with nominal slopes have the Jacobian ``A`` and the column ``B``."""
     trial, model = passed(name, number), trials(name, number).model
     law, agent, nominal = tube_controller(model, trial), model.agent, trial.nominal
     increment = sympy.Dummy("q")
