@@ -5,7 +5,6 @@ Exact numbers are strings and proved; floats are estimates and stand under ``est
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,6 @@ from reports.study import Study, conclusion
 if TYPE_CHECKING:
     from certify.pipeline import GainsResult
     from certify.results import AgentResult
-    from sims.falsifier import FalsifierResult
 
 LEVELS = (Fraction(1), Fraction(1, 10), Fraction(1, 100), Fraction(1, 1000))
 
@@ -38,14 +36,6 @@ def details(study: Study) -> Json:
 def search_details(gains: GainsResult | None) -> list[Json]:
     """Per agent: why its gains are the default, and the others that passed."""
     return [] if gains is None else [_choices(agent) for agent in gains.agents]
-
-
-def search_fields(found: FalsifierResult | None) -> Json:
-    """How the search for a counterexample ended; ``left out`` without one."""
-    if found is None:
-        return {"status": "left out", "trajectories": 0, "margin": None, "reason": "nothing was searched"}
-    margin = found.margin if math.isfinite(found.margin) else None
-    return {"status": found.status, "trajectories": found.trajectories, "margin": margin, "reason": found.reason}
 
 
 def _choices(agent: AgentResult) -> Json:

@@ -10,6 +10,7 @@ from typing import Any
 from reports import cells, tables
 from reports.agent_types import coordinates_section
 from reports.certificate_view import CertifiedGains, certified_gains
+from reports.cross_checked import SECONDS, ending, sentence
 from reports.figures import style, svg
 from reports.gains_sections import claim_section, gains_section, numbers_section, stability_rows
 from reports.network_figure import draw_network
@@ -21,7 +22,7 @@ from reports.simulation import simulation_section
 from reports.study import Conclusion, Study, conclusion
 from reports.typst_math import matrix, number, number_text, typst
 from sims.closed_loop import Trajectory
-from sims.falsifier import FalsifierResult
+from sims.cross_check import CrossCheck
 from symbolic.network import cuts, is_balanced
 from symbolic.plant import Agent, Digraph, Exosystem, Interval, Plant
 
@@ -87,13 +88,14 @@ def _region(study: Study, certified: CertifiedGains | None, ended: Conclusion) -
     return region_section(study.region, certified, study.gains, runs)
 
 
-def _search(found: FalsifierResult, bounded: bool) -> dict[str, Any]:
-    margin = shown(Fraction(found.margin), 2, "down").text if isfinite(found.margin) else "–"
+def _search(found: CrossCheck, bounded: bool) -> dict[str, Any]:
+    margin = shown(Fraction(found.worst_margin), 2, "down").text if isfinite(found.worst_margin) else "–"
     return {
-        "status": found.status,
-        "trajectories": cells.text(found.trajectories),
+        "status": ending(found),
+        "trajectories": cells.text(found.count),
         "margin": cells.text(margin),
-        "reason": cells.text(found.reason),
+        "reason": cells.text(sentence(found)),
+        "seconds": f"{SECONDS:g}",
         "bounded": bounded,
     }
 

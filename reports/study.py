@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from certify.pipeline import GainsResult
     from reports.region import Region
     from sims.closed_loop import Trajectory
-    from sims.falsifier import FalsifierResult
+    from sims.cross_check import CrossCheck
     from symbolic.derivation import Derivation
 
 Status = Literal["certified", "refuted", "rejected", "inconclusive"]
@@ -48,7 +48,7 @@ class Study:
     simulated: Controller | None = None
     runs: tuple[Trajectory, ...] = ()
     region: Region | None = None
-    search: FalsifierResult | None = None
+    search: CrossCheck | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
     seed: int | None = None
     commands: tuple[str, ...] = ()
@@ -81,7 +81,7 @@ def conclusion(study: Study) -> Conclusion:
     failed = _first_finding(study, "fails")
     if failed:
         return Conclusion("refuted", failed, False)
-    if study.search is not None and study.search.status == "refuted":
+    if study.search is not None and study.search.broken is not None:
         return Conclusion("refuted", f"A SIMULATED TRAJECTORY BREAKS THE CLAIM: {study.search.reason}", False)
     answer = study.verification
     if answer is not None and answer["status"] == "rejected":

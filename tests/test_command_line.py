@@ -435,7 +435,7 @@ def test_run_that_refutes_reports_it_and_drops_the_old_certificate(
 
 def test_run_that_cannot_decide_reports_it(certify: Certify, tmp_path: Path) -> None:
     plant = certify.plant({"p*x1": "p*x1 + exp(p*x1^2) - 1"})
-    answer = certify("run", plant, "-o", tmp_path / "out", "--json")
+    answer = certify("run", plant, "-o", tmp_path / "out", "--route", "recipe", "--json")
     assert (answer.code, answer.json["status"]) == (3, "inconclusive")
     assert answer.json["reason"]
     assert sorted(os.listdir(tmp_path / "out")) == ["report.pdf", "summary.json"]

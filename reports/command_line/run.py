@@ -62,7 +62,7 @@ def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps) -
     study = step.with_simulation(study, steps)
     study = with_runs(with_region(study, steps), steps)
     study = with_search(study, steps)
-    witness = None if study.search is None else study.search.witness
+    witness = None if study.search is None else study.search.broken
     if witness is None:
         (folder / WITNESS).unlink(missing_ok=True)
     else:
@@ -72,7 +72,8 @@ def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps) -
 
 def outcome(study: Study) -> Outcome:
     """The conclusion of the report's first page, with the gains and the claim it is about."""
-    from reports.details import details, search_fields
+    from reports.cross_checked import search_fields
+    from reports.details import details
     from reports.study import conclusion
 
     found = conclusion(study)

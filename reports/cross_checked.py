@@ -1,0 +1,41 @@
+"""How a search for counterexamples ended, in words that do not depend on the speed of the machine."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+from sims.cross_check import CrossCheck
+
+SECONDS = 15.0
+
+Ending = Literal["refuted", "survived", "inconclusive"]
+
+
+def ending(found: CrossCheck) -> Ending:
+    """``inconclusive`` when at least half of the trajectories could not be integrated."""
+    if found.broken is not None:
+        return "refuted"
+    return "survived" if 2 * found.failed < found.count else "inconclusive"
+
+
+def sentence(found: CrossCheck) -> str:
+    """What was simulated and what it showed."""
+    if found.broken is not None or found.count == 0:
+        return found.reason
+    said = f"{found.count} trajectories, none breaks the claim"
+    return f"{said}; {found.failed} could not be integrated in floats" if found.failed else said
+
+
+def search_fields(found: CrossCheck | None) -> dict[str, Any]:
+    """The search as JSON; ``left out`` without one."""
+    if found is None:
+        return {"status": "left out", "trajectories": 0, "margin": None, "reason": "nothing was searched"}
+    margin = found.worst_margin if math.isfinite(found.worst_margin) else None
+    return {
+        "status": ending(found),
+        "trajectories": found.count,
+        "margin": margin,
+        "budget_seconds": SECONDS,
+        "reason": sentence(found),
+    }
