@@ -1,0 +1,355 @@
+"""The certified region: its bounds hold, agree however they are computed, and are stated of verified certificates only."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given
+from hypothesis import strategies as st
+
+from certify.certificate import Json, claim_digest
+from certify.pipeline import design_gains
+from certify.results import Alternative, GainsResult
+from reports.bandwidth import observer_bandwidth
+from reports.certificate_view import CertifiedGains, certified_gains
+from reports.command_line import certified_steps
+from reports.command_line.controllers import certified_controller
+from reports.command_line.steps import Steps
+from reports.cross_checked import ending, search_fields, sentence
+from reports.details import details
+from reports.document import build_report
+from reports.error_envelope import ErrorEnvelope
+from reports.numbers import rounded
+from reports.recomputed import coordinator_envelope
+from reports.region import Region, region
+from reports.region_bounds import signal_bounds
+from reports.region_sections import closest
+from reports.sections import document_data
+from reports.study import Study, conclusion
+from sims.closed_loop import Trajectory, simulate
+from sims.cross_check import CrossCheck
+from sims.scenario import random_scenario
+from symbolic.controller import Controller
+from symbolic.derivation import Derivation, derive
+from symbolic.plant import Plant
+from symbolic.plant_file import parse_plant
+
+MIXED = """
+schema = "consensus-plant/1"
+name = "mixed orders"
+network = { agents = 2, edges = ["1 -> 2", "2 -> 1"] }
+initial = { box = ["-1/2", "1/2"], reference = 0, observer = 0, eta = 0 }
+[exosystem]
+states = ["v1", "v2"]
+S = [[0, 1], [-1, 0]]
+initial = { v1 = 0, v2 = 1 }
+[[agent]]
+ids = [1]
+order = 1
+f = "p*x1 + v1"
+b = 1
+cost = "(s - 1)^2"
+uncertain = { p = [-1, 1] }
+[[agent]]
+ids = [2]
+zero_dynamics = { z1 = "-2*z1 + x1" }
+order = 2
+f = "p*z1*x2 + x2"
+b = 1
+cost = "(s - 2)^2"
+uncertain = { p = [-1, 1] }
+[gains]
+g = 2
+K = 60
+h = 6000
+"""
+OPTIMUM = Fraction(3, 2)
+HORIZON = 12.0
+
+
+@dataclass(frozen=True)
+class Certified:
+    plant: Plant
+    derivation: Derivation
+    gains: GainsResult
+    certificate: Json
+    view: CertifiedGains
+    region: Region
+
+    @property
+    def study(self) -> Study:
+        answer = {"status": "verified", "claim_sha256": claim_digest(self.certificate), "reason": ""}
+        return Study(
+            self.plant, optimum=OPTIMUM, derivation=self.derivation, gains=self.gains, certificate=self.certificate,
+            verification=answer, region=self.region,
+        )  # fmt: skip
+
+    @property
+    def controller(self) -> Controller:
+        return certified_controller(self.certificate, self.plant, "the certificate")
+
+
+@pytest.fixture(scope="module")
+def certified() -> Certified:
+    plant = parse_plant(MIXED.encode(), "mixed.toml")
+    gains = design_gains(plant, route="direct")
+    assert gains.certificate is not None, gains.reason
+    view = certified_gains(gains.certificate)
+    assert view is not None
+    assert gains.envelope is not None
+    derivation = derive(plant, sympy.Rational(OPTIMUM.numerator, OPTIMUM.denominator))
+    found = region(plant, derivation, view, gains.envelope)
+    assert isinstance(found, Region)
+    return Certified(plant, derivation, gains, gains.certificate, view, found)
+
+
+@pytest.fixture(scope="module")
+def runs(certified: Certified) -> tuple[Trajectory, ...]:
+    """From vertices and inner points, sampled where the observer peaks too."""
+    times = np.union1d(np.linspace(0.0, HORIZON, 400), np.geomspace(1e-7, 0.1, 200))
+    plant, controller = certified.plant, certified.controller
+    return tuple(
+        simulate(
+            plant, controller, horizon=HORIZON, samples=times,
+            scenario=random_scenario(plant, controller, (7, k), parameters="vertex", start=draw),
+        )
+        for k, draw in enumerate(("vertex",) * 4 + ("uniform",) * 2)
+    )  # fmt: skip
+
+
+# --- the bounds -------------------------------------------------------------------------------------------------------
+
+
+def test_no_run_leaves_the_region(certified: Certified, runs: tuple[Trajectory, ...]) -> None:
+    for run in runs:
+        assert run.status == "completed"
+        for agent, bounds in zip(run.agents, certified.region.agents, strict=True):
+            assert np.all(run.error[bounds.id - 1] <= bounds.error.at(run.t) + 1e-6)
+            for values, bound in zip((*agent.z, *agent.x), bounds.states, strict=True):
+                assert float(bound.whole.lo) - 1e-6 <= values.min()
+                assert values.max() <= float(bound.whole.hi) + 1e-6
+            assert np.abs(agent.u).max() <= float(bounds.input.peak)
+            late = run.t >= float(bounds.peaking)
+            assert np.abs(agent.u[late]).max() <= float(bounds.input.after)
+    assert 0.01 < closest(certified.region, runs) <= 1.0
+
+
+def test_bounds_that_are_too_small_are_left(certified: Certified, runs: tuple[Trajectory, ...]) -> None:
+    """The other way round: the test above can fail."""
+    shrunk = tuple(
+        replace(agent, error=replace(agent.error, values=tuple(value / 10 for value in agent.error.values)))
+        for agent in certified.region.agents
+    )
+    assert closest(Region(shrunk), runs) > 1.0
+
+
+def test_the_region_from_the_two_files_is_that_of_the_search(certified: Certified) -> None:
+    again = coordinator_envelope(certified.plant, certified.view)
+    assert not isinstance(again, str)
+    assert region(certified.plant, certified.derivation, certified.view, again) == certified.region
+
+
+def test_a_state_is_named_with_what_it_approaches(certified: Certified) -> None:
+    targets = [[(str(s.state), s.target) for s in agent.states] for agent in certified.region.agents]
+    assert targets == [[("x1", "reference")], [("z1", "steady state"), ("x1", "reference"), ("x2", "origin")]]
+
+
+def test_the_region_is_a_claim_that_a_search_can_try_to_break(certified: Certified) -> None:
+    bounds = signal_bounds(certified.region)
+    assert [(bound.agent, bound.signal) for bound in bounds] == [
+        (1, "error"), (1, "x1"), (2, "error"), (2, "z1"), (2, "x1"), (2, "x2"),
+    ]  # fmt: skip
+    assert all(bound.times[0] == 0 for bound in bounds)
+
+
+# --- the settling envelope --------------------------------------------------------------------------------------------
+
+ENVELOPE = ErrorEnvelope(
+    (Fraction(0), Fraction(1), Fraction(2)), (Fraction(4), Fraction(5), Fraction(1)), Fraction(1, 2)
+)
+
+
+def test_settling_is_after_the_last_step_above_the_level() -> None:
+    assert ENVELOPE.settled(Fraction(5)) == 0
+    assert ENVELOPE.settled(Fraction(9, 2)) == 2
+    assert ENVELOPE.settled(Fraction(1)) == 2
+    late = ENVELOPE.settled(Fraction(1, 100))
+    assert math.exp(-0.5 * float(late - 2)) <= 0.01 * (1 + 1e-12)
+    assert float(late) == pytest.approx(2 + 2 * math.log(100))
+
+
+def test_the_envelope_takes_the_larger_side_of_a_border() -> None:
+    assert ENVELOPE.at(np.array([0.0, 0.5, 1.0, 1.5, 2.0, 4.0])) == pytest.approx([4, 4, 5, 5, 5, math.exp(-1)])
+
+
+# --- estimates --------------------------------------------------------------------------------------------------------
+
+
+@given(st.fractions(Fraction(1, 10), 10**6), st.integers(1, 4))
+def test_a_multiple_observer_pole_is_one_pole(h: Fraction, order: int) -> None:
+    """``(s + 2)^n``."""
+    observer = [Fraction(math.comb(order, k) * 2 ** (order - k)) for k in range(order)]
+    found = observer_bandwidth(observer, h)
+    ((pole, count),) = found.poles
+    assert count == order
+    assert pole == pytest.approx(-2 * float(h), rel=1e-3)
+    assert found.hertz == pytest.approx(2 * float(h) / (2 * math.pi), rel=1e-3)
+
+
+def test_complex_observer_poles_and_the_sampling_rate() -> None:
+    found = observer_bandwidth([Fraction(25), Fraction(6)], Fraction(100))  # -3 ± 4i
+    assert sorted((round(p.real), round(p.imag)) for p, _ in found.poles) == [(-300, -400), (-300, 400)]
+    assert found.fastest == pytest.approx(500)
+    assert found.sampling == (pytest.approx(5000 / (2 * math.pi)), pytest.approx(10000 / (2 * math.pi)))
+
+
+@given(st.fractions(Fraction(1, 1000), 10**9))
+def test_rounded_bounds_stay_bounds(value: Fraction) -> None:
+    assert Fraction(rounded(value, 3, "down")) <= value <= Fraction(rounded(value, 3, "up"))
+
+
+# --- the report -------------------------------------------------------------------------------------------------------
+
+
+def test_the_report_states_the_region_of_a_verified_certificate(
+    certified: Certified, runs: tuple[Trajectory, ...]
+) -> None:
+    study = replace(certified.study, trajectory=runs[0], runs=runs[1:], simulated=certified.controller)
+    data = document_data(study)
+    assert (data["status"], data["verified"], data["route"]["text"]) == ("certified", True, "direct")
+    assert data["region"]["runs"] == len(runs)
+    assert [row[0]["text"] for row in data["region"]["observers"]] == ["2"]
+    assert data["numbers"]["thresholds"] == []
+    assert data["simulation"]["lead"] == "The certified gains."
+    assert build_report(study).startswith(b"%PDF-")
+
+
+def test_nothing_is_stated_of_a_certificate_that_is_not_verified(certified: Certified) -> None:
+    for answer in (None, {"status": "rejected", "claim_sha256": "", "reason": "no"}):
+        data = document_data(replace(certified.study, verification=answer))
+        assert data["region"] is None
+        assert "region" not in details(replace(certified.study, verification=answer))
+
+
+def test_bounds_are_not_compared_with_runs_of_other_gains(certified: Certified, runs: tuple[Trajectory, ...]) -> None:
+    other = replace(certified.controller, alpha1=Fraction(7))
+    study = replace(certified.study, trajectory=runs[0], simulated=other)
+    assert document_data(study)["region"]["runs"] == 0
+    assert build_report(study).startswith(b"%PDF-")
+
+
+def test_other_gains_that_passed_are_named_with_their_reason(certified: Certified) -> None:
+    other = Alternative("least K", "the least feedback gain that passed", *map(Fraction, (1, 50, 700, 9000)))
+    agents = (certified.gains.agents[0], replace(certified.gains.agents[1], alternatives=(other,)))
+    study = replace(certified.study, gains=replace(certified.gains, agents=agents))
+    rows = document_data(study)["region"]["alternatives"]
+    assert [row[1]["text"] for row in rows] == ["default", "default", "least K"]
+    found = details(study)["agents"][1]["alternatives"]
+    assert found == [
+        {"label": "least K", "reason": other.reason, "g": "1", "K": "50", "delta": "700", "h": "9000"}
+    ]  # fmt: skip
+
+
+def test_details_are_json_with_exact_numbers_as_text(certified: Certified) -> None:
+    found = json.loads(json.dumps(details(certified.study)))
+    state = found["region"][1]["states"]["x2"]
+    assert Fraction(state["range"][1]) == certified.region.agents[1].states[2].whole.hi
+    assert found["estimates"][0] == {"id": 1, "observer": None}
+    assert found["estimates"][1]["observer"]["fastest_rad_per_s"] == pytest.approx(6000, rel=1e-2)
+
+
+def damages(certificate: Json) -> Iterator[Json]:
+    for key, value in (
+        ("grid", ["0"]), ("grid", ["1", "0"]), ("boxes", []), ("boxes", [["1"]]), ("rates", []), ("tail", None),
+        ("tail", {"box": [], "rate": "1"}), ("phase1", {"steps": "8"}), ("observer_rate", "1e9"), ("boxes", 3),
+    ):  # fmt: skip
+        changed = deepcopy(certificate)
+        changed["witness"]["agents"][1][key] = value
+        yield changed
+
+
+def test_a_damaged_tube_is_not_shown(certified: Certified) -> None:
+    for damaged in damages(certified.certificate):
+        assert certified_gains(damaged) is None
+        assert document_data(replace(certified.study, certificate=damaged))["region"] is None
+
+
+# --- the search for a counterexample ----------------------------------------------------------------------------------
+
+
+def checked(count: int, failed: int, broken: Any = None) -> CrossCheck:
+    return CrossCheck(count, failed, 0.5 if count else math.nan, broken, (), 3.2, "said")
+
+
+def test_how_a_search_ends() -> None:
+    assert ending(checked(10, 0)) == "survived"
+    assert ending(checked(10, 5)) == ending(checked(0, 0)) == "inconclusive"
+    assert ending(checked(10, 0, object())) == "refuted"
+    assert sentence(checked(10, 1)) == "10 trajectories, none breaks the claim; 1 could not be integrated in floats"
+    assert search_fields(None)["status"] == "left out"
+    assert search_fields(checked(0, 0))["margin"] is None
+
+
+def test_a_trajectory_that_breaks_the_claim_outweighs_the_checker(certified: Certified) -> None:
+    study = replace(certified.study, search=checked(10, 0, object()))
+    ended = conclusion(study)
+    assert (ended.status, ended.verified) == ("refuted", False)
+    assert "BREAKS THE CLAIM" in ended.reason
+    assert document_data(study)["region"] is None
+    assert build_report(study).startswith(b"%PDF-")
+
+
+def test_the_search_tries_the_certified_gains_against_the_region(
+    certified: Certified, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen: dict[str, Any] = {}
+
+    def searched(plant: Plant, controller: Controller, **options: Any) -> CrossCheck:
+        seen.update(options, controller=controller)
+        return checked(10, 0)
+
+    monkeypatch.setattr(certified_steps, "cross_check", searched)
+    study = certified_steps.with_search(certified.study, Steps())
+    assert study.search == checked(10, 0)
+    assert seen["controller"] == certified.controller
+    assert seen["bounds"] == signal_bounds(certified.region)
+    assert certified_steps.with_search(replace(certified.study, verification=None), Steps()).search is None
+    assert "left out: there is no verified certificate" in capsys.readouterr().err
+
+
+def test_progress_away_from_a_terminal_is_a_line_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("reports.command_line.steps.time", SimpleNamespace(monotonic=lambda: clock[0]))
+    with Steps().step("gains") as report:
+        for text, now in (("one", 1.0), ("two", 6.0), ("three", 10.0)):
+            clock[0] = now
+            report.progress(text)
+        report("certified")
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert [line.split()[-1] for line in captured.err.splitlines()] == ["two", "certified"]
+
+
+@pytest.mark.slow
+def test_report_from_the_two_files_alone(certified: Certified, tmp_path: Path) -> None:
+    from certify.certificate import write_certificate
+    from reports.command_line import main
+
+    (tmp_path / "mixed.toml").write_text(MIXED)
+    write_certificate(certified.certificate, tmp_path / "c.json")
+    files = [str(tmp_path / name) for name in ("mixed.toml", "c.json", "r.pdf")]
+    assert main(["report", files[0], files[1], "-o", files[2]]) == 0
+    assert (tmp_path / "r.pdf").read_bytes().startswith(b"%PDF-")
