@@ -10,9 +10,10 @@ from certify.certificate import Json
 from certify.preparation import Prepared
 from certify.results import AgentResult, Alternative
 from certify.tube.certificate import BOX_BITS, tube_controller, tube_witness
-from certify.tube.search import Choice, NoChoice, search_gains
+from certify.tube.search import Choice, NoChoice, nearest_gains, search_gains
 from certify.tube.trial import AgentTrials
 from symbolic.controller import AgentController
+from symbolic.plant import RequestedGains
 
 
 def tube_agent(
@@ -26,7 +27,8 @@ def tube_agent(
     trials = AgentTrials(model, prepared.coordinator.envelope, index)
     found = search_gains(trials, prepared.plant.gains, report)
     if isinstance(found, NoChoice):
-        return AgentResult(derived.id, "inconclusive", found.reason, linear=linear), None, None
+        reason = found.reason + _nearest(trials, prepared.plant.gains, report)
+        return AgentResult(derived.id, "inconclusive", reason, linear=linear), None, None
     default = found[0].trial
     controller = tube_controller(model, default)
     peak = [round_up(Fraction(float(value)), BOX_BITS) for value in default.tube.peak]
@@ -45,6 +47,17 @@ def tube_agent(
         alternatives=tuple(_alternative(choice) for choice in found[1:]),
     )
     return result, controller, tube_witness(model, default)
+
+
+def _nearest(trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None]) -> str:
+    """What would work instead of requested gains that do not pass."""
+    if requested == RequestedGains():
+        return ""
+    near = nearest_gains(trials, requested, report)
+    if near is None:
+        return "; no other gains were found that pass"
+    h = "" if near.gains.h is None else f", h = {near.gains.h}"
+    return f"; the nearest gains that pass: g = {near.gains.g}, K = {near.gains.K}, delta = {near.delta}{h}"
 
 
 def _alternative(choice: Choice) -> Alternative:

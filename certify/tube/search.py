@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from math import log
 
 from certify.tube.loop import LoopGains
 from certify.tube.trial import AgentTrials, Trial, TrialFailure
@@ -56,6 +57,24 @@ def search_gains(
     return tuple(chosen)
 
 
+def nearest_gains(
+    trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None] = lambda message: None
+) -> Trial | None:
+    """The gains that pass and are nearest, in ratios, to requested ones that do not; ``None`` if none pass."""
+    finder = _Finder(trials, RequestedGains(), report)
+    first = finder.first()
+    if isinstance(first, NoChoice):
+        return None
+    finder.lower_h(finder.lower_K(first))
+    wanted = (requested.g, requested.K, requested.h)
+
+    def distance(trial: Trial) -> float:
+        had = (trial.gains.g, trial.gains.K, trial.gains.h)
+        return sum(abs(log(float(a / b))) for a, b in zip(had, wanted, strict=True) if a is not None and b is not None)
+
+    return min(finder.passed, key=distance)
+
+
 class _Finder:
     def __init__(self, trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None]) -> None:
         self.trials, self.requested, self.report = trials, requested, report
@@ -79,9 +98,10 @@ class _Finder:
 
     def first(self) -> Trial | NoChoice:
         """Some gains that pass: upwards in ``K`` and ``h/K``."""
+        several = FIRST_G if self.requested.K is None else tuple(dict.fromkeys(FIRST_G + LARGER_G))
         for K in (*LADDER[START:], *HIGHER):
             for ratio in RATIOS[FIRST_RATIO:]:
-                for g in FIRST_G if self.trials.model.order > 1 else FIRST_G[-1:]:
+                for g in several if self.observed else FIRST_G[-1:]:
                     found = self.attempt(g, K, ratio)
                     if found is not None:
                         return found
