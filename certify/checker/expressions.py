@@ -96,7 +96,7 @@ def decimal(text: str) -> Fraction:
 def evaluate(node: Node, values: Mapping[str, Any], number: Callable[[Fraction], Any],
              call: Callable[[str, Any], Any]) -> Any:
     """The value in any algebra with ``+ - * / **``: ``number`` embeds rationals, ``call`` applies a function."""
-    spend(20)
+    spend(40)
     match node:
         case Number(value):
             return number(value)

@@ -34,14 +34,14 @@ class Polynomial:
         return isinstance(other, Polynomial) and self.terms == other.terms
 
     def __add__(self, other: Polynomial) -> Polynomial:
-        spend(len(other.terms))
+        spend(20 * (len(self.terms) + len(other.terms)))
         result = dict(self.terms)
         for monomial, c in other.terms.items():
             result[monomial] = result.get(monomial, Fraction(0)) + c
         return Polynomial(result)
 
     def __mul__(self, other: Polynomial) -> Polynomial:
-        spend(20 * len(self.terms) * len(other.terms))
+        spend(100 * len(self.terms) * len(other.terms))
         result: dict[Monomial, Fraction] = {}
         for left, c in self.terms.items():
             for right, d in other.terms.items():
@@ -231,7 +231,7 @@ class Algebra:
             return known[name]
 
         def polynomial(p: Polynomial) -> Any:
-            spend(100 * len(p.terms))
+            spend(400 * len(p.terms))
             result = number(Fraction(0))
             for monomial, c in p.terms.items():
                 term = number(c)
