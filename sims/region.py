@@ -1,4 +1,4 @@
-"""The certified set against what simulations show: a grid of starts on a plane, coverage with its uncertainty, tubes."""
+"""The certified set against what simulations show: a grid of starts on a plane, coverage, bounds over time."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class RegionSlice:
     """Fates of a grid of starts of agent ``agent`` in the plane of two plant states, the rest at the box's centre.
 
     ``fates`` has shape ``(len(second), len(first))`` of 0 converges, 1 stays away, 2 escapes, 3 not decided: the worst
-    over the vertices of ``W`` that were tried, ``parameters`` in number. ``certified`` are the sides of the claim's box.
+    over the vertices of ``W`` that were tried, ``parameters`` in number. ``certified`` are the claim's sides.
     """
 
     agent: int

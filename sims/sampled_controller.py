@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import sympy
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -28,8 +29,8 @@ _ESCAPE = 1e9
 class SampledController:
     """``u = −sat_δ(K ϑ̃) + Ψ η`` at the sampling instants, held for ``period`` seconds.
 
-    ``observer`` and ``eta`` are the states ``x̃(0)`` and ``η(0)``, zero if left out. Raises ``InputError`` for a period that
-    is not positive or a state of another length.
+    ``observer`` and ``eta`` are the states ``x̃(0)`` and ``η(0)``, zero if left out. Raises ``InputError`` for a period
+    that is not positive or a state of another length.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class SampledController:
 
 @dataclass(frozen=True)
 class SampledRun:
-    """Output error ``y − s*`` at the samples ``t`` in seconds, and the inputs; ``escaped`` if a state left all bounds."""
+    """Output error ``y − s*`` at the samples ``t`` in seconds, and the inputs; ``escaped`` if a state exceeded 1e9."""
 
     t: Array
     error: Array
@@ -144,7 +145,7 @@ def _held(A: Array, B: Array, period: float) -> tuple[Array, Array]:
 
 
 def _plant(plant: Plant, number: int) -> Callable[..., tuple[float, ...]]:
-    import sympy
+
 
     agent = plant.agents[number - 1]
     u = sympy.Dummy("u", real=True)

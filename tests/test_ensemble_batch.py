@@ -1,0 +1,250 @@
+"""The batch integrator: its order, its agreement with LSODA across kinks, the same bits, and what stands on it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy
+from closed_loops import at_the_centre, controller_for, with_gains
+
+from sims import rodas5p
+from sims.agent_loop import AgentLoop, agent_loop, upper_layer
+from sims.batch import ABANDONED, COMPLETED, ESCAPED, BatchOptions, BatchSolution
+from sims.critical_gains import critical_h, critical_K
+from sims.cross_check import cross_check
+from sims.region import CONVERGES, ESCAPES, coverage, plot_region, region_slice, wilson
+from sims.sampled_controller import SampledController, run_sampled
+from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
+from sims.stage_code import numpy_functions, stage_sources
+from symbolic.controller import Controller
+from symbolic.errors import InputError
+from symbolic.plant import Plant
+
+
+@pytest.fixture(scope="module")
+def good(five_agents: Plant) -> Controller:
+    return controller_for(five_agents, g=5, K=100, h=500, delta=1000)
+
+
+def points(loop: AgentLoop, count: int, seed: int = 0) -> list[AgentPoint]:
+    box = agent_box(loop.agent, loop.law)
+    cubes = np.random.default_rng(seed).random((count, len(box.free)))
+    return [agent_point(loop.agent, loop.law, box.point(cube)) for cube in cubes]
+
+
+def run(loop: AgentLoop, chosen: list[AgentPoint], horizon: float, options: BatchOptions) -> BatchSolution:
+    shared = shared_points(loop.plant, np.random.default_rng(0), 1, 0)
+    layer = upper_layer(loop.plant, loop.controller, shared[0], horizon)
+    times = np.linspace(0, horizon, 101)
+    return loop.run(loop.signals([layer]), [0] * len(chosen), chosen, horizon, times, options)
+
+
+# --- the method -------------------------------------------------------------------------------------------------------
+
+
+def step(y: float, t: float, h: float, f: Callable[[float, float], float], fy: float, ft: float) -> tuple[float, float]:
+    """One step of the tableau on a scalar equation: the new value and the dense output in the middle."""
+    k = np.zeros(8)
+    at = y
+    for i in range(8):
+        at = y + rodas5p.A[i, :i] @ k[:i]
+        right = f(t + rodas5p.NODES[i] * h, at) + rodas5p.C[i, :i] @ k[:i] / h + h * rodas5p.D[i] * ft
+        k[i] = right / (1 / (rodas5p.GAMMA * h) - fy)
+    new = at + k[7]
+    dense = rodas5p.H @ k
+    return new, 0.5 * y + 0.5 * (new + 0.5 * (dense[0] + 0.5 * (dense[1] + 0.5 * dense[2])))
+
+
+def test_order_of_the_method_and_of_its_dense_output() -> None:
+    """``y' = −y² + cos t`` against a tight reference: errors fall like ``h⁵``, between the steps like ``h⁵`` locally."""
+    from scipy.integrate import solve_ivp
+
+    def f(t: float, y: float) -> float:
+        return -y * y + float(np.cos(t))
+
+    tight = {"rtol": 1e-13, "atol": 1e-14, "method": "DOP853", "dense_output": True}
+    exact = solve_ivp(lambda t, y: [f(t, y[0])], (0, 2), [1.0], **tight)
+    ends, middles = [], []
+    for steps in (8, 16, 32):
+        h, y, worst = 2 / steps, 1.0, 0.0
+        for j in range(steps):
+            t = j * h
+            y, middle = step(y, t, h, f, -2 * y, -float(np.sin(t)))
+            worst = max(worst, abs(middle - exact.sol(t + h / 2)[0]))
+        ends.append(abs(y - exact.sol(2.0)[0]))
+        middles.append(worst)
+    orders = np.log2(np.array(ends[:-1]) / ends[1:])
+    assert 4.4 < orders[0] < orders[1] and orders[1] > 4.7, ends
+    assert np.log2(np.array(middles[:-1]) / middles[1:]).min() > 3.8, middles
+
+
+def test_the_method_is_l_stable() -> None:
+    """``y' = −λ y`` with ``hλ = 1e8`` is damped to nothing in one step."""
+    new, _ = step(1.0, 0.0, 1.0, lambda t, y: -1e8 * y, -1e8, 0.0)
+    assert abs(new) < 1e-6
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_elimination_solves_the_linear_system(five_agents: Plant, good: Controller, number: int) -> None:
+    loop = agent_loop(five_agents, good, number)
+    code, sources = numpy_functions(loop.sources), loop.sources
+    generator = np.random.default_rng(number)
+    q, u = generator.standard_normal((sources.states, 4)), generator.standard_normal((sources.inputs, 4))
+    p = np.vstack([generator.standard_normal((sources.parameters - 2, 4)), np.ones(4), np.zeros(4)])
+    lu, x = np.empty((sources.entries, 4)), generator.standard_normal((sources.states, 4))
+    right = x.copy()
+    code["factor"](q, u, p, 1e3, lu)
+    code["solve"](lu, x)
+    for j in range(4):
+        jacobian = np.empty((sources.states, sources.states))
+        for k in range(sources.states):
+            ahead, behind = q[:, [j]].copy(), q[:, [j]].copy()
+            ahead[k] += 1e-5
+            behind[k] -= 1e-5
+            one, two = np.empty_like(ahead), np.empty_like(ahead)
+            code["rhs"](ahead, u[:, [j]], p[:, [j]], one)
+            code["rhs"](behind, u[:, [j]], p[:, [j]], two)
+            jacobian[:, k] = ((one - two) / 2e-5)[:, 0]
+        left = (1e3 * np.eye(sources.states) - jacobian) @ x[:, j]
+        assert left == pytest.approx(right[:, j], rel=1e-4, abs=1e-4 * np.abs(jacobian).max() * np.abs(x[:, j]).max())
+
+
+# --- trajectories -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_batch_agrees_with_lsoda_across_the_kink(five_agents: Plant, good: Controller, number: int) -> None:
+    loop = agent_loop(five_agents, good, number)
+    chosen = points(loop, 3)
+    found = run(loop, chosen, 10.0, BatchOptions())
+    assert (found.status == COMPLETED).all() and (found.saturated > 0).all()
+    shared = SharedPoint((Fraction(0), Fraction(1)), (Fraction(0),) * 5)
+    layer = upper_layer(five_agents, good, shared, 10.0, 1e-11, 1e-13)
+    for k, point in enumerate(chosen):
+        exact = loop.reference_run(layer, point, np.linspace(0, 10, 101), 1e-10, 1e-12)
+        rows = loop.plant_states
+        assert np.abs(exact.states[:rows] - found.samples[k, :rows]).max() < 1e-4
+        assert found.last_saturated[k] == pytest.approx(exact.last_saturated, abs=2e-3)
+
+
+def test_the_same_call_gives_the_same_bits(five_agents: Plant, good: Controller) -> None:
+    loop = agent_loop(five_agents, good, 1)
+    one, two = (run(loop, points(loop, 5), 5.0, BatchOptions()) for _ in range(2))
+    assert (one.samples == two.samples).all() and (one.steps == two.steps).all()
+
+
+def test_an_escape_can_end_the_batch(five_agents: Plant, good: Controller) -> None:
+    weak = with_gains(good, g=3, K=30, h=100)
+    loop = agent_loop(five_agents, weak, 1)
+    corner = agent_point(loop.agent, loop.law, agent_box(loop.agent, loop.law).point((1, 1, 1, 1, 1, 1)))
+    centre = points(at := agent_loop(at_the_centre(five_agents), weak, 1), 1)[0]
+    assert at.agent.id == 1
+    found = run(loop, [corner, centre], 20.0, BatchOptions())
+    assert found.status.tolist() == [ESCAPED, COMPLETED] and 3.0 < found.end[0] < 3.2
+    assert np.isnan(found.samples[0, :, -1]).all() and np.isfinite(found.samples[1]).all()
+    ended = run(loop, [corner, centre], 20.0, BatchOptions(stop_at_escape=True))
+    assert ended.status.tolist() == [ESCAPED, ABANDONED] and ended.end[1] < 20
+
+
+def test_compiled_agrees_with_numpy_and_not_with_its_neighbours(five_agents: Plant, good: Controller) -> None:
+    pytest.importorskip("numba", reason="the extra fast is not installed")
+    loop = agent_loop(five_agents, good, 1)
+    chosen = points(loop, 6)
+    plain, fast = (run(loop, chosen, 10.0, BatchOptions(compiled=compiled)) for compiled in (False, True))
+    assert (fast.status == COMPLETED).all() and fast.steps.tolist() == pytest.approx(plain.steps.tolist(), abs=3)
+    assert np.abs(plain.samples - fast.samples).max() < 1e-5
+    alone = run(loop, chosen[3:4], 10.0, BatchOptions(compiled=True))
+    assert (alone.samples[0] == fast.samples[3]).all()
+
+
+def test_feedback_without_saturation_is_not_compiled(five_agents: Plant, good: Controller) -> None:
+    equations = agent_loop(five_agents, good, 1).equations
+    with pytest.raises(ValueError, match="unpack"):
+        stage_sources(dataclasses.replace(equations, u=sympy.Integer(0)))
+
+
+# --- what stands on it ------------------------------------------------------------------------------------------------
+
+
+def test_cross_check_counts_and_finds(five_agents: Plant, good: Controller) -> None:
+    plant = five_agents
+    passed = cross_check(plant, good, count=6, budget_seconds=120)
+    assert (passed.count, passed.failed, passed.broken) == (30, 0, None)
+    assert 0.9 < passed.worst_margin < 1 and "30 trajectories" in passed.reason
+    broken = cross_check(plant, with_gains(good, g=2, K=10, h=50), count=60, budget_seconds=120)
+    assert broken.broken is not None and broken.worst_margin < 0
+    hurried = cross_check(plant, good, count=100_000, budget_seconds=1e-6)
+    assert hurried.count == 0 and np.isnan(hurried.worst_margin)
+    with pytest.raises(InputError, match="a cross-check needs count >= 1"):
+        cross_check(plant, good, count=0)
+
+
+@pytest.mark.slow
+def test_critical_gains_bracket(five_agents: Plant, good: Controller) -> None:
+    base = with_gains(good, g=2, K=40, h=150)
+    wide = Fraction(1, 4)
+    found = critical_K(five_agents, base, 1, Fraction(10), Fraction(100), budget=64, accuracy=wide)
+    assert found.falsified is not None and found.surviving is not None and found.witness is not None
+    assert 25 < found.falsified < found.surviving <= found.falsified * (1 + wide) and found.surviving < 60
+    observer = critical_h(five_agents, base, 1, Fraction(20), Fraction(200), budget=64, accuracy=wide)
+    assert observer.falsified is not None and 90 < observer.falsified < 150
+
+
+def test_critical_gains_refuse_an_empty_range(five_agents: Plant, good: Controller) -> None:
+    with pytest.raises(InputError, match="needs 0 < low < high"):
+        critical_K(five_agents, good, 1, Fraction(10), Fraction(5))
+    survives = critical_K(at_the_centre(five_agents), good, 1, Fraction(100), Fraction(200), budget=1)
+    assert survives.falsified is None and survives.surviving == 100 and survives.witness is None
+
+
+def test_region_of_attraction_slice(five_agents: Plant, good: Controller) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    weak = with_gains(good, g=2, K=60, h=200)
+    found = region_slice(five_agents, weak, 1, ("z1", "x2"), ((-20, 20), (-20, 20)), points=5, vertices=2)
+    assert found.fates.shape == (5, 5) and found.fates[2, 2] == CONVERGES and (found.fates == ESCAPES).any()
+    part = coverage(found)
+    assert 0 < part.low < part.fraction < part.high < 1
+    _, ax = plt.subplots()
+    assert plot_region(found, ax) is ax
+    assert ax.get_xlabel() == "$z_{1}(0)$" and ax.get_ylabel() == "$x_{2}(0)$"
+    assert {text.get_text() for text in ax.get_legend().get_texts()} >= {"converges", "escapes", "certified box"}
+    plt.close("all")
+    with pytest.raises(InputError, match="agent 1 has no plant state x3; it has z1, x1, x2"):
+        region_slice(five_agents, weak, 1, ("z1", "x3"), ((-1, 1), (-1, 1)))
+
+
+def test_wilson_interval() -> None:
+    assert wilson(0, 0) == (0.0, 1.0)
+    low, high = wilson(5, 10)
+    assert (low, high) == (pytest.approx(0.2366, abs=1e-4), pytest.approx(0.7634, abs=1e-4))
+    assert wilson(0, 10)[0] == pytest.approx(0, abs=1e-12) and wilson(10, 10)[1] == pytest.approx(1, abs=1e-12)
+
+
+def test_sampled_controller_tends_to_the_continuous_one(five_agents: Plant, good: Controller) -> None:
+    loop = agent_loop(five_agents, good, 1)
+    start = points(loop, 1)[0]
+    shared = SharedPoint((Fraction(0), Fraction(1)), (Fraction(0),) * 5)
+    layer = upper_layer(five_agents, good, shared, 2.0)
+    errors = []
+    for rate in (1000, 4000):
+        sampled = run_sampled(five_agents, good, 1, start, shared, rate=rate, horizon=2)
+        exact = loop.reference_run(layer, start, sampled.t, 1e-9, 1e-11).states[loop.output_row] - loop.optimum
+        errors.append(np.abs(sampled.error - exact).max())
+    assert errors[1] < 0.5 * errors[0] < 0.05
+    slow = run_sampled(five_agents, good, 1, start, shared, rate=40, horizon=2)
+    assert slow.final_error(0.5) > 0.1
+
+
+def test_sampled_controller_refuses(good: Controller) -> None:
+    with pytest.raises(InputError, match="the sampling period must be positive"):
+        SampledController(good.agents[0], 0.0)
+    with pytest.raises(InputError, match="another length"):
+        SampledController(good.agents[0], 0.1, eta=np.zeros(5))
