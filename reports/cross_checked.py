@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
+from reports.cells import agents as listed
 from sims.cross_check import CrossCheck
 
 SECONDS = 15.0
@@ -19,15 +20,18 @@ def ending(found: CrossCheck) -> Ending:
     return "survived" if 2 * found.failed < found.count else "inconclusive"
 
 
-def sentence(found: CrossCheck) -> str:
-    """What was simulated and what it showed."""
+def sentence(found: CrossCheck, agents: int) -> str:
+    """What was simulated and what it showed; which of the ``agents`` were left out for want of time."""
     if found.broken is not None or found.count == 0:
         return found.reason
     said = f"{found.count} trajectories, none breaks the claim"
-    return f"{said}; {found.failed} could not be integrated in floats" if found.failed else said
+    if found.failed:
+        said += f"; {found.failed} could not be integrated in floats"
+    missed = sorted(set(range(1, agents + 1)) - {tried.agent for tried in found.tried})
+    return f"{said}; the time did not suffice for agents {listed(missed)}" if missed else said
 
 
-def search_fields(found: CrossCheck | None) -> dict[str, Any]:
+def search_fields(found: CrossCheck | None, agents: int) -> dict[str, Any]:
     """The search as JSON; ``left out`` without one."""
     if found is None:
         return {"status": "left out", "trajectories": 0, "margin": None, "reason": "nothing was searched"}
@@ -37,5 +41,5 @@ def search_fields(found: CrossCheck | None) -> dict[str, Any]:
         "trajectories": found.count,
         "margin": margin,
         "budget_seconds": SECONDS,
-        "reason": sentence(found),
+        "reason": sentence(found, agents),
     }

@@ -58,7 +58,7 @@ def document_data(study: Study) -> dict[str, Any]:
         "simulation": None
         if study.trajectory is None
         else simulation_section(study.trajectory, study.simulated, certified, study.seed),
-        "search": None if study.search is None else _search(study.search, study.region is not None),
+        "search": None if study.search is None else _search(study.search, study),
         "notes": [
             {
                 "id": n.id,
@@ -88,15 +88,15 @@ def _region(study: Study, certified: CertifiedGains | None, ended: Conclusion) -
     return region_section(study.region, certified, study.gains, runs)
 
 
-def _search(found: CrossCheck, bounded: bool) -> dict[str, Any]:
+def _search(found: CrossCheck, study: Study) -> dict[str, Any]:
     margin = shown(Fraction(found.worst_margin), 2, "down").text if isfinite(found.worst_margin) else "–"
     return {
         "status": ending(found),
         "trajectories": cells.text(found.count),
         "margin": cells.text(margin),
-        "reason": cells.text(sentence(found)),
+        "reason": cells.text(sentence(found, len(study.plant.agents))),
         "seconds": f"{SECONDS:g}",
-        "bounded": bounded,
+        "bounded": study.region is not None,
     }
 
 

@@ -19,7 +19,7 @@ from sims.closed_loop import Trajectory
 from sims.plots import plot_inputs, plot_outputs, plot_references, plot_tracking_error
 from symbolic.controller import AgentController, Controller
 
-WIDTH, HEIGHT = 6.9, 4.3
+WIDTH, HEIGHT = 6.9, 3.9
 LEGEND_UP_TO = 12
 PANELS = (plot_outputs, plot_references, plot_inputs, plot_tracking_error)
 

@@ -9,7 +9,7 @@ from reports.certificate_view import CertifiedGains, certified_gains
 from reports.command_line.controllers import certified_controller
 from reports.command_line.simulate import HORIZON
 from reports.command_line.steps import Steps
-from reports.cross_checked import SECONDS
+from reports.cross_checked import SECONDS, sentence
 from reports.recomputed import coordinator_envelope
 from reports.region import region
 from reports.region_bounds import signal_bounds
@@ -20,7 +20,7 @@ from sims.scenario import random_scenario
 
 SEED = 0
 RUNS = 4
-SEARCHED = 250  # trajectories per agent
+SEARCHED = 60  # trajectories per agent
 
 
 def with_region(study: Study, steps: Steps) -> Study:
@@ -83,7 +83,7 @@ def with_search(study: Study, steps: Steps) -> Study:
             bounds=bounds,
             progress=report.progress,
         )
-        report(found.reason)
+        report(found.reason if found.broken else sentence(found, len(study.plant.agents)))
     return replace(study, search=found, seed=SEED)
 
 

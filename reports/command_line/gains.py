@@ -44,8 +44,24 @@ def command(
 
 def outcome(result: GainsResult) -> Outcome:
     """The summary as JSON, and the gains as a table."""
-    lines = [*gains_table(result.summary["gains"]), f"{result.status}: {result.reason}"]
-    return Outcome(result.status, {**result.summary, "reason": result.reason}, "\n".join(lines))
+    from reports.details import search_details
+
+    lines = [*gains_table(result.summary["gains"]), *_others(result), f"{result.status}: {result.reason}"]
+    fields = {**result.summary, "reason": result.reason, "details": {"agents": search_details(result)}}
+    return Outcome(result.status, fields, "\n".join(lines))
+
+
+def _others(result: GainsResult) -> list[str]:
+    """One line per other choice that passed."""
+    from reports.numbers import with_log10
+
+    lines = []
+    for agent in result.agents:
+        for other in agent.alternatives:
+            named = {"g": other.g, "K": other.K, "delta": other.delta, "h": other.h}
+            values = ", ".join(f"{key} = {with_log10(value)}" for key, value in named.items() if value is not None)
+            lines.append(f"agent {agent.id}, {other.label}: {values} ({other.reason})")
+    return lines
 
 
 def gains_table(gains: Mapping[str, Any] | None) -> list[str]:

@@ -82,7 +82,7 @@ def outcome(study: Study) -> Outcome:
         "reason": found.reason,
         "verified": found.verified,
         **{key: summary.get(key) for key in ("route", "gains", "claim")},
-        "falsify": search_fields(study.search),
+        "falsify": search_fields(study.search, len(study.plant.agents)),
         "details": details(study),
     }
     lines = gains_table(study.gains.summary["gains"] if study.gains else None)
