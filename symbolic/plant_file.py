@@ -63,7 +63,8 @@ def parse_plant(data: bytes, source: str) -> Plant:
     fixed = {key: positive(value, table.at(key), scope.constants)
              for table in (coordinator, gains) for key, value in table.entries.items()}
     return Plant(
-        name=name, digraph=digraph, exosystem=exosystem, agents=agents, sha256=hashlib.sha256(data).hexdigest(), source=data,
+        name=name, digraph=digraph, exosystem=exosystem, agents=agents, sha256=hashlib.sha256(data).hexdigest(),
+        source=data,
         alpha1=fixed.get("alpha1"), alpha2=fixed.get("alpha2"),
         gains=RequestedGains(*(fixed.get(key) for key in ("g", "K", "delta", "h"))))
 
