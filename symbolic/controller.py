@@ -1,4 +1,4 @@
-"""The controller as frozen values: coordinator, observers, internal models, saturated feedback (theory.md section 1)."""
+"""The controller as frozen values: coordinator, observers, internal models, saturated feedback."""
 
 from __future__ import annotations
 
