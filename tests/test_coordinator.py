@@ -181,7 +181,7 @@ def test_a_box_costs_a_norm(record_property: pytest.RecordProperty) -> None:
     for i, agent in enumerate(found.envelope.agents):
         best = max(np.abs(deviation[i]).max() for deviation, _ in runs)
         ratio = float(agent.peak) / best
-        record_property(f"peak ratio of agent {i + 1}", ratio)
+        record_property(f"peak ratio of agent {i + 1}", float(ratio))
         assert 1 <= ratio < 2
 
 
