@@ -20,17 +20,24 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import sympy
+
+from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
+from certify.gains.linear_stability import necessary_condition
+from certify.optimum import optimum
 from certify.pipeline import design_gains
 from sims.falsifier import falsify
 from symbolic.controller import AgentController, Controller
-from symbolic.plant import Plant
+from symbolic.derivation import derive
+from symbolic.plant import COST_VARIABLE, Plant
 from symbolic.plant_file import parse_plant
+from symbolic.steady_state import SteadyState
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 NAMES = "pendulums van_der_pol mass_spring thermal_springs first_order rooms third_order_actuator fourth_order".split()
 BOXES = ("1", "0.25", "0.5", "2")
-LADDER, RUNGS, HALVINGS = 4.0, 6, 4
-BUDGET, HORIZON = 96, 25.0
+LEAST = 2.0**-13
+BUDGET, HORIZON = 64, 20.0
 
 Json = dict[str, Any]
 
@@ -58,42 +65,61 @@ def route(plant: Plant, name: str) -> tuple[Json, Controller | None]:
     return row, controller
 
 
-def critical(plant: Plant, controller: Controller, number: int, keep_K: bool, seed: int = 0) -> tuple[float, float]:
-    """The largest factor on the gains below the certified ones at which the search finds a counterexample, and the next
-    larger factor that was tried and survived; ``(0, last)`` when nothing broke.
+def critical(plant: Plant, controller: Controller, number: int, keep_K: bool) -> Json:
+    """The largest factor on the gains below the certified ones at which something breaks (0 if nothing does).
 
-    ``K, h, δ`` are scaled together, or (``keep_K``) ``h`` alone. Downwards by fours until something breaks, then
-    bisection: a window of broken gains narrower than a factor of four could be overlooked.
+    ``K, h, δ`` are scaled together, or (``keep_K``) ``h`` alone. Upwards from the linear limit: by doubling while the
+    search still finds a counterexample, then one halving. Gains that break above a factor of two that survives are
+    overlooked.
     """
 
-    def breaks(factor: float) -> bool:
+    def scaled(factor: float) -> Controller:
         exact = Fraction(factor).limit_denominator(10**6)
         law = controller.agents[number - 1]
         h = None if law.h is None else law.h * exact
         changed = {"h": h} if keep_K else {"h": h, "K": law.K * exact, "delta": law.delta * exact}
         agents = list(controller.agents)
         agents[number - 1] = dataclasses.replace(law, **changed)
-        scaled = dataclasses.replace(controller, agents=tuple(agents))
-        found = falsify(plant, scaled, budget=BUDGET, seed=seed, horizon=HORIZON, agents=[number])
+        return dataclasses.replace(controller, agents=tuple(agents))
+
+    def breaks(factor: float) -> bool:
+        found = falsify(plant, scaled(factor), budget=BUDGET, horizon=HORIZON, agents=[number])
         return found.status == "refuted"
 
-    survived = 1.0
-    for _ in range(RUNGS):
-        factor = survived / LADDER
-        if breaks(factor):
-            return _bisect(breaks, factor, survived)
-        survived = factor
-    return 0.0, survived
+    limit = linear_limit(plant, scaled, number)
+    broken, tried = limit, max(limit, LEAST)
+    while tried < 0.5:
+        tried *= 2
+        if not breaks(tried):
+            break
+        broken = tried
+    if broken > limit and breaks(broken * 2**0.5):
+        broken *= 2**0.5
+    return {"linear": limit, "broken": broken, "survived": tried}
 
 
-def _bisect(breaks: Callable[[float], bool], broken: float, survived: float) -> tuple[float, float]:
-    for _ in range(HALVINGS):
-        middle = (broken * survived) ** 0.5
-        if breaks(middle):
-            broken = middle
-        else:
-            survived = middle
-    return broken, survived
+def linear_limit(plant: Plant, scaled: Callable[[float], Controller], number: int) -> float:
+    """The largest factor, to 3 %, at which the exact linear condition refutes the loop at some corner of ``W``; 0 if it
+    does not refute ``LEAST`` either.
+    """
+    found = optimum(plant)
+    at = COST_VARIABLE if found.exact is None else sympy.Rational(found.exact.numerator, found.exact.denominator)
+    derived = derive(plant, at).agents[number - 1]
+    disturbance = exosystem_bounds(plant.exosystem)
+    assert isinstance(derived.steady_state, SteadyState) and isinstance(disturbance, ExosystemBounds)
+
+    def refuted(factor: float) -> bool:
+        law = scaled(factor).agents[number - 1]
+        args = (derived.agent, law, derived.steady_state, found, disturbance.sharp, plant.exosystem.states)
+        return necessary_condition(*args).status == "refuted"
+
+    low, high = LEAST, 1.0
+    if not refuted(low):
+        return 0.0
+    while high / low > 1.03:
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if refuted(middle) else (low, middle)
+    return low
 
 
 def measure(name: str, text: str, known: Json) -> Iterator[Json]:
@@ -142,15 +168,15 @@ def table(rows: Json) -> str:
     return "\n".join(lines)
 
 
-def _ratio(gain: float | None, factors: list[float] | None) -> tuple[str, str]:
+def _ratio(gain: float | None, found: Json | None) -> tuple[str, str]:
     if gain is None:
         return "no observer", "–"
-    if factors is None:
+    if found is None:
         return "not measured", "–"
-    broken, survived = factors
-    if broken == 0:
-        return f"none down to {_show(gain * survived)}", "–"
-    return _show(gain * broken), f"{1 / broken:.3g}"
+    if found["broken"] == 0:
+        return f"none at {_show(gain * found['survived'])}", "–"
+    mark = "" if found["broken"] > found["linear"] else " (linear)"
+    return f"{_show(gain * found['broken'])}{mark}", f"{1 / found['broken']:.3g}"
 
 
 def _recipe(recipe: Json, number: str) -> str:

@@ -1,0 +1,152 @@
+"""The direct route as a whole: what it certifies the checker verifies, and what it must not certify it does not."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from copy import deepcopy
+from fractions import Fraction
+
+import pytest
+
+from certify.assumptions.check import check_assumptions
+from certify.certificate import Json, canonical
+from certify.checker import check
+from certify.pipeline import design_gains
+from certify.preparation import Prepared, prepare
+from certify.results import GainsResult
+from certify.tube.loop import LoopGains
+from certify.tube.search import NoChoice, search_gains
+from certify.tube.trial import AgentTrials, Trial, TrialFailure
+from symbolic.plant import RequestedGains
+from symbolic.plant_file import parse_plant
+from tests.tubes import EXAMPLES, GAINS, gains_of, passed, trials
+
+QUICK = ["first_order", "thermal_springs", "fourth_order"]
+OTHERS = ["rooms", "pendulums", "van_der_pol", "mass_spring", "third_order_actuator"]
+
+UNEVEN = """
+schema = "consensus-plant/1"
+name = "uneven"
+network = { agents = 2, edges = ["1 -> 2", "2 -> 1"] }
+initial = { box = [-0.5, 0.5], reference = 0, observer = "measured", eta = 0 }
+[[agent]]
+ids = [1, 2]
+order = 2
+f = "-p*x1 - x2"
+b = 1
+cost = "s^2/2 + log(1 + exp(s - id))"
+uncertain = { p = [0.9, 1.1] }
+[coordinator]
+alpha1 = 3
+alpha2 = 2
+[gains]
+g = 2
+K = 60
+h = 6000
+"""
+
+
+def text_of(name: str, gains: str) -> str:
+    return f"{(EXAMPLES / f'{name}.toml').read_text()}\n[coordinator]\nalpha1 = 3\nalpha2 = 2\n[gains]\n{gains}\n"
+
+
+def fixed_gains(name: str) -> str:
+    g, K, h = next(gains for (plant, _), gains in GAINS.items() if plant == name)
+    return f"g = {g}\nK = {K}\n" + ("" if h is None else f"h = {h}\n")
+
+
+def certify(text: str) -> GainsResult:
+    return design_gains(parse_plant(text.encode(), "p.toml"), route="direct")
+
+
+def verdict(text: str, certificate: Json) -> str:
+    return check(text.encode(), canonical(certificate) + b"\n").status
+
+
+def verified_and_no_less(text: str) -> None:
+    result = certify(text)
+    assert result.status == "certified", result.reason
+    assert result.certificate is not None
+    assert result.certificate["claim"]["plant_sha256"] == hashlib.sha256(text.encode()).hexdigest()
+    assert verdict(text, result.certificate) == "verified"
+    for change in ("kernels", "boxes"):
+        forged = deepcopy(result.certificate)
+        rows = forged["witness"]["agents"][0][change]
+        for row in rows:
+            for k, entry in enumerate(row):
+                row[k] = [str(Fraction(c) / 2) for c in entry] if change == "kernels" else str(Fraction(entry) / 2)
+        assert verdict(text, forged) == "rejected", change
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_certified_gains_are_verified(name: str) -> None:
+    verified_and_no_less(text_of(name, fixed_gains(name)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_certified_gains_of_the_other_plants_are_verified(name: str) -> None:
+    verified_and_no_less(text_of(name, fixed_gains(name)))
+
+
+def test_costs_need_not_be_quadratic_and_the_optimum_not_rational() -> None:
+    verified_and_no_less(UNEVEN)
+
+
+def test_requested_gains_below_the_linear_limit_are_refuted() -> None:
+    result = certify(text_of("van_der_pol", "g = 2\nK = 60\nh = 5"))
+    assert result.status == "refuted" and result.certificate is None
+    assert "Hurwitz" in result.reason or "determinant" in result.reason, result.reason
+
+
+def test_requested_gains_that_are_too_small_are_inconclusive_with_the_block_that_fails() -> None:
+    result = certify(text_of("van_der_pol", "g = 2\nK = 60\nh = 60"))
+    assert result.status == "inconclusive" and result.certificate is None
+    assert "agent 1" in result.reason
+    assert any(why in result.reason for why in ("at t = ", "saturation", "peaking")), result.reason
+
+
+def test_a_saturation_level_below_what_the_tube_needs_is_named() -> None:
+    gains = gains_of("pendulums", 3)
+    enough = passed("pendulums", 3).delta
+    assert isinstance(trials("pendulums", 3).attempt(gains, 2 * enough), Trial)
+    short = trials("pendulums", 3).attempt(gains, enough / 4)
+    assert isinstance(short, TrialFailure) and "saturation level" in short.reason
+
+
+def test_the_search_keeps_what_is_requested() -> None:
+    wanted = RequestedGains(g=Fraction(2), K=Fraction(60), h=Fraction(6000))
+    found = search_gains(trials("pendulums", 3), wanted)
+    assert not isinstance(found, NoChoice)
+    assert {choice.trial.gains for choice in found} == {LoopGains(Fraction(2), Fraction(60), Fraction(6000))}
+
+
+def counterexample(box: str) -> AgentTrials:
+    """F1 (theory.md section 7) from a box; A6, whose V0 is no polynomial, is left out: the tube does not use it."""
+    text = (EXAMPLES / "f1_counterexample.toml").read_text().split("[gains]")[0]
+    for old in ("z1 = 10", "z2 = 0", "x1 = 10", "x2 = 0", "reference = 10"):
+        assert text.count(old) == 1
+        text = text.replace(old, f"{old.split()[0]} = [-{box}, {box}]")
+    plant = parse_plant(text.encode(), "f1.toml")
+    report = check_assumptions(plant)
+    rest = tuple(finding for finding in report.findings if finding.id != "A6")
+    ready = prepare(plant, dataclasses.replace(report, findings=rest), lambda message: None)
+    assert isinstance(ready, Prepared)
+    model = ready.models[0]
+    assert not isinstance(model, str)
+    return AgentTrials(model, ready.coordinator.envelope, 0)
+
+
+def test_the_counterexample_passes_from_a_small_box_only() -> None:
+    gains = LoopGains(Fraction(2), Fraction(100), Fraction(10_000))
+    assert isinstance(counterexample("0.1").attempt(gains), Trial)
+    large = counterexample("10")
+    for K in (100, 1000, 100_000):
+        failed = large.attempt(LoopGains(Fraction(2), Fraction(K), Fraction(100 * K)))
+        assert isinstance(failed, TrialFailure) and "outrun" in failed.reason
+
+
+def test_the_counterexample_is_not_certified() -> None:
+    result = certify((EXAMPLES / "f1_counterexample.toml").read_text())
+    assert result.status in ("inconclusive", "refuted") and result.certificate is None
