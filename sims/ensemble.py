@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 
 import numpy as np
 
 from sims.closed_loop import simulate
 from sims.coordinator import Status
+from sims.executors import run_tasks
 from sims.scenario import Draw, Scenario, random_scenario
 from symbolic.controller import Controller
 from symbolic.errors import InputError
@@ -70,27 +67,21 @@ def ensemble(
     horizon: float = 40.0,
     window: float = 2.0,
     workers: int = 1,
+    scheduler: str | None = None,
 ) -> EnsembleResult:
     """``count`` runs of :func:`sims.closed_loop.simulate`; the same seed gives the same runs for any number of
-    ``workers``.
+    ``workers`` and on the cluster of a Dask ``scheduler`` (see :func:`sims.executors.run_tasks`).
 
     In turn: ``w`` and start uniform, ``w`` at a vertex of ``W``, both at vertices. ``window`` in seconds is the end
     of the run over which the error is taken. This samples; it proves nothing. Raises ``InputError`` for a count or
-    window that does not fit.
+    window that does not fit, and for a scheduler that cannot be used.
     """
     if count < 1 or seed < 0 or workers < 1:
         raise InputError("an ensemble needs count >= 1, seed >= 0 and workers >= 1")
     if not 0.0 < window <= horizon:
         raise InputError(f"the window must lie in (0, {horizon:g}], not {window!r}")
     run = partial(_run, plant, controller, seed=seed, horizon=horizon, window=window)
-    with ExitStack() as stack:
-        runs: Iterable[Run]
-        if workers > 1:
-            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=get_context("spawn")))
-            runs = pool.map(run, range(count), chunksize=max(1, count // (4 * workers)))
-        else:
-            runs = map(run, range(count))
-        return EnsembleResult(tuple(runs), horizon)
+    return EnsembleResult(tuple(run_tasks(run, range(count), workers=workers, scheduler=scheduler)), horizon)
 
 
 def _run(plant: Plant, controller: Controller, number: int, *, seed: int, horizon: float, window: float) -> Run:

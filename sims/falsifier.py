@@ -12,7 +12,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -21,6 +22,7 @@ from sims.agent_loop import AgentLoop, agent_loop, upper_layer
 from sims.batch import COMPLETED, ESCAPED, FAILED, BatchOptions, BatchSolution
 from sims.bounds import SignalBound, margin
 from sims.coordinator import UpperLayer
+from sims.executors import run_tasks
 from sims.fate import BROKEN, amplitudes, judge, windows
 from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
 from sims.signal_pool import SignalPool
@@ -89,12 +91,14 @@ def falsify(
     agents: Sequence[int] | None = None,
     compiled: bool = False,
     progress: Progress | None = None,
+    scheduler: str | None = None,
 ) -> FalsifierResult:
     """Search with about ``budget`` trajectories per agent of ``horizon`` seconds; ``agents`` are all if left out.
 
     A trajectory breaks the claim when it escapes, when its error at the end is above ``tolerance`` and has stopped to
     fall, or when it leaves one of the ``bounds``. ``compiled`` takes the integrator of the
-    extra ``fast``. The same ``seed`` gives the same search. Raises ``InputError`` for options that do not fit.
+    extra ``fast``. With a Dask ``scheduler`` its workers search the agents (see :func:`sims.executors.run_tasks`). The
+    same ``seed`` gives the same search. Raises ``InputError`` for options that do not fit.
     """
     if budget < 1 or seed < 0 or not 0.0 < horizon < math.inf or tolerance <= 0:
         raise InputError("the search needs budget >= 1, seed >= 0, a horizon > 0 and a tolerance > 0")
@@ -106,17 +110,31 @@ def falsify(
     broken = next((layer for layer in layers if layer.status != "completed"), None)
     if broken is not None:
         return FalsifierResult("inconclusive", None, math.nan, (), f"the coordinator {broken.status}: {broken.reason}")
+    tell = say if scheduler is None else _silent
+    prepared = (shared, layers, horizon, tolerance, tuple(bounds or ()), tell, compiled)
+    hunt = partial(_hunt, plant, controller, prepared, budget, seed)
     tried = []
     least = math.inf
-    for number in numbers:
-        loop = agent_loop(plant, controller, number)
-        search = Search(loop, shared, layers, horizon, tolerance, tuple(bounds or ()), say, compiled)
-        witness = search.hunt(budget, np.random.default_rng([seed, number]))
-        tried.append(search.tried)
-        least = min(least, search.margin)
+    for count, margin_found, witness, reason in run_tasks(hunt, numbers, scheduler=scheduler):
+        tried.append(count)
+        say(f"agent {count.agent}: done, {count.trajectories} trajectories")
+        least = min(least, margin_found)
         if witness is not None:
-            return FalsifierResult("refuted", witness, search.margin, tuple(tried), search.reason)
+            return FalsifierResult("refuted", witness, margin_found, tuple(tried), reason)
     return _survival(tuple(tried), least, layers, plant, controller, numbers, tolerance)
+
+
+def _hunt(
+    plant: Plant, controller: Controller, prepared: tuple[Any, ...], budget: int, seed: int, number: int
+) -> tuple[Tried, float, Witness | None, str]:
+    """One agent: what was tried, margin, witness, reason. ``prepared`` goes to :class:`Search` after the loop."""
+    search = Search(agent_loop(plant, controller, number), *prepared)
+    witness = search.hunt(budget, np.random.default_rng([seed, number]))
+    return search.tried, search.margin, witness, search.reason
+
+
+def _silent(message: str) -> None:
+    """Progress of a search on another machine, which stays there."""
 
 
 def _survival(

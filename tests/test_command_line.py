@@ -381,6 +381,12 @@ def test_falsify_tells_the_margin_it_found(certify: Certify, certified: Certifie
     assert [tried["agent"] for tried in answer.json["tried"]] == [1, 2]
 
 
+def test_falsify_refuses_a_scheduler_that_is_not_there(certify: Certify, certified: Certified) -> None:
+    pytest.importorskip("distributed", reason="the extra cluster is not installed")
+    answer = certify("falsify", certified.plant, certified.certificate, "--scheduler", "nothing://here")
+    assert_one_complaint(answer, "no Dask scheduler answers at 'nothing://here'")
+
+
 def test_falsify_writes_the_witness_only_where_it_is_told(
     certify: Certify, certified: Certified, tmp_path: Path
 ) -> None:

@@ -30,6 +30,10 @@ def command(
     budget: Annotated[int, typer.Option(help="Trajectories for each agent, about.", min=1, max=10**7)] = BUDGET,
     seed: Annotated[int, typer.Option(help="The same seed gives the same search.", min=0, max=2**32)] = 0,
     fast: Annotated[bool, typer.Option("--fast", help="Compiled integrator (extra fast).")] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler to search on (extra cluster).", show_default=False),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Search for a trajectory that breaks the claim. Finding none proves nothing."""
@@ -45,7 +49,15 @@ def command(
 
     controller = certified_controller(read, loaded, str(certificate))
     with Steps().step("falsify") as report, naming(plant):
-        found = falsify(loaded, controller, budget=budget, seed=seed, compiled=fast, progress=report.progress)
+        found = falsify(
+            loaded,
+            controller,
+            budget=budget,
+            seed=seed,
+            compiled=fast,
+            progress=report.progress,
+            scheduler=scheduler,
+        )
         report(found.status)
     if output is not None and found.witness is not None:
         write_atomically(output, found.witness.text().encode())
