@@ -1,6 +1,6 @@
 """Certified gains against falsified ones: recipe, direct route, and the largest gains a search can break.
 
-    python -m benchmarks.tightness                      all cases, about an hour on one core
+    python -m benchmarks.tightness                      all cases, about an hour on an idle core
     python -m benchmarks.tightness rooms five-agents/1  some cases
     python -m benchmarks.tightness --table              only the table of what the cache holds
 
@@ -69,8 +69,9 @@ def critical(plant: Plant, controller: Controller, number: int, keep_K: bool) ->
     """The largest factor on the gains below the certified ones at which something breaks (0 if nothing does).
 
     ``K, h, δ`` are scaled together, or (``keep_K``) ``h`` alone. Upwards from the linear limit: by doubling while the
-    search still finds a counterexample, then one halving. Gains that break above a factor of two that survives are
-    overlooked.
+    search still finds a counterexample, then half a step more; by fours while there is none at all. Gains that break
+    above a step that survives are overlooked. An offset that stays is not counted: with an internal model there is no
+    such equilibrium, it is a loop too slow for the horizon.
     """
 
     def scaled(factor: float) -> Controller:
@@ -84,15 +85,16 @@ def critical(plant: Plant, controller: Controller, number: int, keep_K: bool) ->
 
     def breaks(factor: float) -> bool:
         found = falsify(plant, scaled(factor), budget=BUDGET, horizon=HORIZON, agents=[number])
-        return found.status == "refuted"
+        return found.witness is not None and found.witness.fate != "offset"
 
     limit = linear_limit(plant, scaled, number)
     broken, tried = limit, max(limit, LEAST)
     while tried < 0.5:
-        tried *= 2
-        if not breaks(tried):
+        tried *= 2 if broken else 4
+        if breaks(tried):
+            broken = tried
+        elif broken:
             break
-        broken = tried
     if broken > limit and breaks(broken * 2**0.5):
         broken *= 2**0.5
     return {"linear": limit, "broken": broken, "survived": tried}
@@ -122,7 +124,7 @@ def linear_limit(plant: Plant, scaled: Callable[[float], Controller], number: in
     return low
 
 
-def measure(name: str, text: str, known: Json) -> Iterator[Json]:
+def measure(name: str, text: str, known: Json, falsified: bool = True) -> Iterator[Json]:
     """The row of one case, yielded anew whenever more of it is known."""
     plant = parse_plant(text.encode(), name)
     row = known if known.get("sha256") == plant.sha256 else {"sha256": plant.sha256, "falsified": {}}
@@ -134,7 +136,7 @@ def measure(name: str, text: str, known: Json) -> Iterator[Json]:
     if "recipe" not in row:
         row["recipe"] = route(plant, "recipe")[0]
         yield row
-    for law in controller.agents if controller is not None else ():
+    for law in controller.agents if controller is not None and falsified else ():
         if str(law.id) in row["falsified"] or (law.id > 1 and not name.startswith("five-agents")):
             continue
         found = {"K": critical(plant, controller, law.id, keep_K=False)}
@@ -174,7 +176,7 @@ def _ratio(gain: float | None, found: Json | None) -> tuple[str, str]:
     if found is None:
         return "not measured", "–"
     if found["broken"] == 0:
-        return f"none at {_show(gain * found['survived'])}", "–"
+        return f"none from {_show(gain * LEAST)} on", "–"
     mark = "" if found["broken"] > found["linear"] else " (linear)"
     return f"{_show(gain * found['broken'])}{mark}", f"{1 / found['broken']:.3g}"
 
@@ -224,10 +226,11 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", help=f"of {', '.join(cases())}; all if left out")
     parser.add_argument("--cache", type=Path, default=Path("tightness.json"))
     parser.add_argument("--table", action="store_true", help="only print the table of the cache")
+    parser.add_argument("--certify-only", action="store_true", help="leave the falsified gains out")
     options = parser.parse_args()
     rows: Json = json.loads(options.cache.read_text()) if options.cache.exists() else {}
     for name in [] if options.table else options.cases or cases():
-        for row in measure(name, cases()[name], rows.get(name, {})):
+        for row in measure(name, cases()[name], rows.get(name, {}), not options.certify_only):
             rows[name] = row
             options.cache.write_text(json.dumps(rows, indent=1) + "\n")
             print(f"{name}: {len(row['falsified'])} agents falsified", file=sys.stderr, flush=True)
