@@ -9,7 +9,7 @@ from math import ceil, floor, isqrt
 
 from certify.checker import linear
 from certify.checker.certificate import Certificate
-from certify.checker.intervals import Interval, enclose, maximum, symmetric, total
+from certify.checker.intervals import Interval, enclose, maximum, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Plant
 from certify.checker.rules.assumptions import Facts
@@ -168,14 +168,13 @@ class _Coordinator:
         forced = point(self.norm([fixed_up(entry) for entry in forcing] + [0] * (self.size - 1)))
         M1 = (w + gap + forced / (self.rate - rate)).upper
         result = []
-        for cost, found, kappa, nu, p in zip(self.facts.costs, steps, self.kappa, self.nu, forcing, strict=True):
+        for found, kappa, nu, p in zip(steps, self.kappa, self.nu, forcing, strict=True):
             distance, speed = kappa * M1, nu * M1 + p
             reference = Reference(self.facts.optimum, self.step, found, distance.upper, speed.upper, rate)
             squares, speeds = (self.step * Interval(n, n, -2 * SCALE) for n in (
                 sum(step.distance**2 for step in found), sum(step.speed**2 for step in found)))
             energy, speed_energy = squares + distance**2 / (2 * rate), speeds + speed**2 / (2 * rate)
             peak = maximum(point(max(step.distance for step in found)), distance)
-            cost.prove_smooth(self.facts.optimum + symmetric(peak))
             result.append(AgentEnvelope(peak, energy.upper, speed_energy.upper, reference))
         return tuple(result)
 

@@ -40,10 +40,6 @@ class Cost:
     def curvature(self, s: Interval) -> Interval:
         return self.derivatives.at(2, s)
 
-    def prove_smooth(self, s: Interval) -> None:
-        """Every part of the expression is smooth on the interval, those that a factor 0 hides included."""
-        value_range(lambda box: evaluate(self.expression, box, enclose, functions.call), {"s": s}, ["s"], CUTS)
-
 
 class Derivatives:
     """``c``, ``c'``, ``c''`` and ``c'''``, each as one rational function of ``s`` and atoms per term of ``c``."""
@@ -71,9 +67,14 @@ class Derivatives:
 
 
 def prove_cost(agent: Agent) -> Cost:
-    """A1: exactly for polynomials, else by enclosing ``c''`` on pieces of ``[−R, R]`` and on both half-lines beyond."""
+    """A1: exactly for polynomials, else by enclosing ``c''`` on pieces of ``[−R, R]`` and both half-lines beyond.
+
+    ``c''`` is simplified before it is enclosed, so that a part that jumps may be gone: every part of ``c`` itself must
+    be smooth on the whole line.
+    """
     name = f"agent {agent.id}: A1: 0 < c'' ≤ l on the whole line"
     with obligation(name):
+        _prove_smooth(agent.cost)
         derivatives = Derivatives(agent.cost)
         require(not derivatives.is_growing_polynomial(), name, degree="3 or more")
         affine = derivatives.quadratic()
@@ -93,6 +94,28 @@ def prove_optimum(costs: Sequence[Cost], lo: Fraction, hi: Fraction) -> tuple[In
         below, above = (q if x.is_zero else q + x for q, x in zip(exact, rest, strict=True))
         require(below <= 0 and above >= 0, "optimum: Σc'(lo) ≤ 0 ≤ Σc'(hi)", below=below, above=above)
         return tuple(cost.slope(between(lo, hi)) for cost in costs)
+
+
+def _prove_smooth(cost: Node) -> None:
+    """Every part of the expression, those that a factor 0 hides included, is smooth for all real ``s``."""
+    failure = Undecided("")
+    for start in HALF_LINES:
+        try:
+            for sign in (1, -1):
+                s = _half_line(start, sign)
+                evaluate(cost, {"s": s}, s.scalar, tails.call)
+        except Undecided as reason:
+            failure = reason
+        else:
+            middle = {"s": between(-start, start)}
+            value_range(lambda box: evaluate(cost, box, enclose, functions.call), middle, ["s"], CUTS)
+            return
+    raise failure
+
+
+def _half_line(start: int, sign: int) -> Tail:
+    """``s`` itself on ``sign·s ≥ start``."""
+    return Tail(start, Interval(sign, sign), (Fraction(0), Fraction(1)), (Fraction(sign), Fraction(0)))
 
 
 def _range_on_line(derivatives: Derivatives) -> Interval:
@@ -117,6 +140,6 @@ def _range_on_line(derivatives: Derivatives) -> Interval:
 
 
 def _range_on_half_line(derivatives: Derivatives, start: int, sign: int) -> Interval:
-    s = Tail(start, Interval(sign, sign), (Fraction(0), Fraction(1)), (Fraction(sign), Fraction(0)))
+    s = _half_line(start, sign)
     found: Tail = derivatives.at(2, s, s.scalar, tails.call)
     return found.range()
