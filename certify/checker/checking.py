@@ -24,6 +24,8 @@ def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
         return Verdict("rejected", failure.obligation, failure.detail)
     except Undecided as reason:
         return Verdict("rejected", "undecided", str(reason))
+    except RecursionError:
+        return Verdict("malformed", "", "an expression is nested too deeply")
     except Exception as fault:  # noqa: BLE001 - whatever it is, nothing was proved
         return Verdict("rejected", "unexpected", f"{type(fault).__name__}: {fault}")
     return Verdict("verified", claim_sha256=proof.claim_sha256)
