@@ -6,7 +6,7 @@ import pytest
 
 from certify.checker.plant import read_plant
 from certify.checker.rules.costs import prove_cost
-from certify.checker.verdict import Rejected
+from certify.checker.verdict import STEPS, Rejected, start_meter
 
 PLANT = """schema = "consensus-plant/1"
 name = "cost"
@@ -25,6 +25,7 @@ cost = "{cost}"
 
 
 def curvature(cost: str) -> tuple[float, float]:
+    start_meter(STEPS)
     found = prove_cost(read_plant(PLANT.format(cost=cost).encode()).agents[0])
     return float(found.least), float(found.largest)
 
