@@ -1,0 +1,30 @@
+"""One worker's part of the trials."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from .trial import Tally, trial
+
+DIRECT_EVERY = (
+    7  # plants of every kind go through the route "direct" too, since 7 has no factor in common with the turns
+)
+
+
+def share(task: tuple[int, int, int, int, float]) -> Tally:
+    """Every ``workers``-th trial, until the deadline."""
+    count, seed, worker, workers, deadline = task
+    tally, start = Tally(), time.monotonic()
+    for number in range(worker, count, workers):
+        if time.monotonic() > deadline:
+            break
+        trial(seed, number, "direct" if number % DIRECT_EVERY == 0 else "recipe", tally)
+        if tally.total % 250 == 0:
+            print(
+                f"worker {worker}: {tally.total} after {time.monotonic() - start:.0f} s, "
+                f"{len(tally.certified)} certified",
+                file=sys.stderr,
+                flush=True,
+            )
+    return tally

@@ -1,0 +1,383 @@
+"""Is a claim proved by the producer's own code too? Asked of every accepted mutant whose claim is another one.
+
+The witnesses are taken as they stand in the mutant; every bound is computed again with the functions of ``certify``
+(SymPy, balls,
+their own suprema), which share nothing with the checker. The obligations are those of docs/certificate.md.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+import sympy
+from flint import ctx
+
+from certify.agent_model import (
+    AgentModel,
+    InternalModelData,
+    LyapunovMatrices,
+    References,
+    quadratic_form_bound,
+    row_sum_norm,
+)
+from certify.assumptions.a6_zero_dynamics import prove_zero_dynamics
+from certify.assumptions.check import check_assumptions
+from certify.assumptions.given_lyapunov import Accepted
+from certify.bounds.balls import PRECISION, to_arb, upper
+from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
+from certify.bounds.rationals import sqrt_up
+from certify.coordinator.design import gradients_at
+from certify.coordinator.envelope import Comparison, Envelope, envelope
+from certify.coordinator.mixing import mixing
+from certify.coordinator.nominal import CoordinatorModel, cost_gradient
+from certify.coordinator.stability import damping_ranges, inequality
+from certify.curvature import Curvature, cost_curvature
+from certify.inequalities.exact_psd import (
+    PositiveDefinite,
+    PositiveSemidefinite,
+    prove_positive_definite,
+    prove_positive_semidefinite,
+)
+from certify.inequalities.matrices import inverse
+from certify.optimum import Optimum, optimum
+from certify.pipeline import design_gains
+from certify.recipe.constants import Constants, constants, initial_energy, sublevel, zero_layer
+from certify.recipe.levels import Level
+from certify.recipe.matrices import chain_matrix, observer_matrix
+from certify.recipe.thresholds import StateFeedback, _Observer, state_feedback
+from symbolic.derivation import derive
+from symbolic.network import laplacian, left_null_vector
+from symbolic.plant import COST_VARIABLE, Agent, Exosystem, InternalModelChoice, Interval, Plant, RequestedGains
+from symbolic.steady_state import SteadyState
+
+from .bases import plant_from_bytes
+
+Json = dict[str, Any]
+Rows = tuple[tuple[Fraction, ...], ...]
+
+
+class NotConfirmed(Exception):
+    """The producer's code does not prove this claim with these witnesses; the reason says where it stops."""
+
+
+def need(holds: bool, reason: str) -> None:
+    if not holds:
+        raise NotConfirmed(reason)
+
+
+def why_not_proved(plant_file: bytes, certificate: Json) -> str | None:
+    """``None`` if every obligation was proved again, else the first that was not."""
+    if certificate["theorem"] not in THEOREMS:
+        return f"no second proof is known for the theorem {certificate['theorem']}"
+    try:
+        THEOREMS[certificate["theorem"]](plant_file, certificate)
+    except (NotConfirmed, ValueError, ArithmeticError) as reason:
+        return f"{type(reason).__name__}: {reason}"
+    return None
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the plant file alone decides: computed once per file."""
+
+    plant: Plant
+    optimum: Optimum
+    s_star: sympy.Expr
+    disturbance: tuple[Interval, ...]
+    steady: tuple[SteadyState, ...]
+    curvatures: tuple[Interval, ...]
+    V0: tuple[tuple[Rows, Fraction], ...]
+
+
+@lru_cache(maxsize=16)
+def known_of(plant_file: bytes) -> Known:
+    """Raises ``NotConfirmed`` if an assumption is not proved."""
+    plant = plant_from_bytes(plant_file)
+    report = check_assumptions(plant)
+    need(report.status == "holds", f"the assumptions: {report.status}")
+    found = optimum(plant)
+    s_star = COST_VARIABLE if found.exact is None else sympy.Rational(found.exact.numerator, found.exact.denominator)
+    disturbance = exosystem_bounds(plant.exosystem)
+    if not isinstance(disturbance, ExosystemBounds):
+        raise NotConfirmed("the exosystem is not bounded")
+    steady, curvatures, V0 = [], [], []
+    for agent, derived in zip(plant.agents, derive(plant, s_star).agents, strict=True):
+        curvature, state = cost_curvature(agent.cost), derived.steady_state
+        if not isinstance(curvature, Curvature) or not isinstance(state, SteadyState):
+            raise NotConfirmed(f"agent {agent.id}: A1 or A3")
+        steady.append(state)
+        curvatures.append(Interval(curvature.lower, curvature.upper))
+        V0.append(_zero_dynamics(plant, agent, state, found))
+    return Known(plant, found, s_star, disturbance.box, tuple(steady), tuple(curvatures), tuple(V0))
+
+
+def _zero_dynamics(plant: Plant, agent: Agent, steady: SteadyState, found: Optimum) -> tuple[Rows, Fraction]:
+    """A quadratic ``V0`` and its greatest proved ``a0``; nothing without zero dynamics."""
+    if not agent.zero_states:
+        return (), Fraction(0)
+    proof = prove_zero_dynamics(agent, plant.exosystem, steady, found.exact)
+    if not isinstance(proof, Accepted) or proof.P is None:
+        raise NotConfirmed(f"agent {agent.id}: A6")
+    return proof.P, proof.a0
+
+
+def prove_recipe(plant_file: bytes, certificate: Json) -> None:
+    """``recipe/1``. Raises ``NotConfirmed``."""
+    claim, witness, known = certificate["claim"], certificate["witness"], known_of(plant_file)
+    plant = known.plant
+    need(claim["plant_sha256"] == plant.sha256, "another plant")
+    need([entry["id"] for entry in claim["agents"]] == [str(agent.id) for agent in plant.agents], "other agents")
+    _respects(plant, claim)
+    references = _coordinator(plant_file, claim["alpha1"], claim["alpha2"], json.dumps(witness["coordinator"]))
+    for index, agent in enumerate(plant.agents):
+        steady, entry, mine = known.steady[index], claim["agents"][index], witness["agents"][index]
+        u_star = steady.u_star.subs(COST_VARIABLE, known.s_star)
+        data = _internal_model(u_star, plant.exosystem, entry, _row(mine["ell"]))
+        bounds = references.agents[index]
+        gamma, observer = _row(entry["gamma"]), _row(entry["observer"])
+        need(
+            (len(gamma), len(observer)) == (agent.order - 1, agent.order if agent.order > 1 else 0), "sizes of γ and c"
+        )
+        model = AgentModel(
+            agent,
+            plant.exosystem,
+            steady.z_star,
+            data,
+            gamma,
+            observer,
+            known.optimum.enclosure,
+            known.disturbance,
+            References(bounds.peak, bounds.energy, bounds.rate_energy),
+        )
+        _agent(model, known.V0[index], entry, mine)
+
+
+def _respects(plant: Plant, claim: Json) -> None:
+    """What the plant file fixes is what the claim says."""
+    fixed = {"alpha1": plant.alpha1, "alpha2": plant.alpha2}
+    for key, value in fixed.items():
+        need(value is None or value == Fraction(claim[key]), f"{key} is fixed")
+    for agent, entry in zip(plant.agents, claim["agents"], strict=True):
+        for key in ("g", "K", "delta", "h"):
+            value = getattr(plant.gains, key)
+            need(value is None or entry[key] is None or value == Fraction(entry[key]), f"{key} is fixed")
+        need(agent.gamma in (None, _row(entry["gamma"])), "gamma is fixed")
+        need(agent.observer in (None, _row(entry["observer"])) or agent.order == 1, "observer is fixed")
+        if agent.internal_model is not None and entry["N"]:
+            need(
+                (_rows(entry["M"]), _row(entry["N"])) == (agent.internal_model.M, agent.internal_model.N),
+                "M, N are fixed",
+            )
+
+
+def _claimed(agent: Agent, entry: Json) -> Agent:
+    """The agent with the design of the claim; its internal model, which need not be the least one, is judged apart."""
+    agent = replace(agent, internal_model=None)
+    return agent if agent.order == 1 else replace(agent, gamma=_row(entry["gamma"]), observer=_row(entry["observer"]))
+
+
+def _internal_model(
+    u_star: sympy.Expr, exosystem: Exosystem, entry: Json, ell: tuple[Fraction, ...]
+) -> InternalModelData:
+    """``L_S^s u* = Σ ℓ_k L_S^(k−1) u*``, ``T Φ − M T = N Γ``, ``Ψ T = Γ``: with SymPy, for the claim's ``M, N, Ψ``
+    and this ``ℓ``."""
+    M, N, psi = _rows(entry["M"]), _row(entry["N"]), _row(entry["psi"])
+    size = len(ell)
+    need([len(M), len(N), len(psi), *map(len, M)] == [size] * (size + 3), "sizes of the internal model")
+    velocity = exosystem.S * sympy.Matrix(exosystem.states) if exosystem.states else ()
+    tau = [u_star]
+    for _ in ell:
+        tau.append(
+            sympy.expand(
+                sum((sympy.diff(tau[-1], v) * w for v, w in zip(exosystem.states, velocity, strict=True)), sympy.S.Zero)
+            )
+        )
+    residual = tau[size] - sum(
+        (sympy.Rational(k.numerator, k.denominator) * term for k, term in zip(ell, tau, strict=False)), sympy.S.Zero
+    )
+    need(sympy.cancel(sympy.together(residual)) == 0, "the relation of u*")
+    if not size:
+        return InternalModelData()
+    F = sympy.Matrix(M) + sympy.Matrix(N) * sympy.Matrix([psi])
+    observability = sympy.Matrix.vstack(*(sympy.Matrix([psi]) * F**k for k in range(size)))
+    need(observability.det() != 0, "T is singular")
+    T = observability.inv()
+    Phi = sympy.Matrix(size, size, lambda i, j: ell[j] if i == size - 1 else int(j == i + 1))
+    need(T * Phi - sympy.Matrix(M) * T == sympy.Matrix(N) * sympy.eye(size)[0, :], "T Φ − M T = N Γ")
+    rows = tuple(tuple(Fraction(int(T[i, j].p), int(T[i, j].q)) for j in range(size)) for i in range(size))
+    return InternalModelData(ell, M, N, rows, psi, tuple(tau[:size]))
+
+
+@lru_cache(maxsize=16)
+def _coordinator(plant_file: bytes, alpha1: str, alpha2: str, witness_text: str) -> Envelope:
+    known, witness = known_of(plant_file), json.loads(witness_text)
+    plant, found = known.plant, known.optimum
+    L, r = laplacian(plant.digraph), left_null_vector(plant.digraph)
+    costs = tuple(cost_gradient(agent.cost) for agent in plant.agents)
+    alphas = Fraction(alpha1), Fraction(alpha2)
+    need(min(alphas) > 0, "α1, α2 > 0")
+    model = CoordinatorModel(L, r, *alphas, costs)
+    step, steps = Fraction(witness["step"]), int(witness["steps"])
+    need(step > 0 and steps > 0, "the grid")
+    grid = mixing(L, r, step, steps)
+    need(all(low > 0 for low in grid.smallest), "ξ > 0")
+    P, multiplier = _rows(witness["P"]), _row(witness["multiplier"])
+    rate, mixing_rate = Fraction(witness["rate"]), Fraction(witness["mixing_rate"])
+    need(rate > 0 and mixing_rate > 0 and min(multiplier) >= 0, "rates and multipliers")
+    flow = [
+        [r[i] * L[i][j] + r[j] * L[j][i] - 2 * mixing_rate * r[i] * ((i == j) - r[j]) for j in range(len(r))]
+        for i in range(len(r))
+    ]
+    _semidefinite(flow, "mixing rate")
+    damping = damping_ranges(grid, known.curvatures)
+    _definite(P, "P of the coordinator")
+    _semidefinite(inequality(model, damping, P, multiplier, rate), "the coordinator's inequality")
+    comparison = Comparison(P, multiplier, rate, mixing_rate, damping)
+    boxes = [agent.initial.reference for agent in plant.agents]
+    return envelope(model, grid, comparison, found.enclosure, gradients_at(costs, found.enclosure), boxes)
+
+
+def _agent(model: AgentModel, V0: tuple[Rows, Fraction], claim: Json, witness: Json) -> None:
+    name, n = f"agent {model.agent.id}", model.order
+    g, K, delta = (Fraction(claim[key]) for key in ("g", "K", "delta"))
+    level, slack = Fraction(witness["level"]), Fraction(witness["slack"])
+    need(g >= 1 and K > 0 and delta > 0 and level > 0 and slack > 0, f"{name}: signs")
+    matrices = LyapunovMatrices(
+        _rows(witness["V0"]), Fraction(witness["a0"]), *(_rows(witness[key]) for key in ("P1", "P2", "P3"))
+    )
+    _matrices(model, V0, matrices, name)
+    found = _constants(
+        model, matrices, level + slack, g, Fraction(witness["weight_eta"]), Fraction(witness["weight_theta"])
+    )
+    initial = initial_energy(model, matrices, found)
+    drive = found.varsigma[10] * model.references.energy + found.varsigma[11] * model.references.rate_energy
+    need(initial + drive <= level, f"{name}: level")
+    whole = Level(level, slack, initial, drive, found)
+    feedback = state_feedback(model, matrices, whole, K)
+    if isinstance(feedback, str):
+        raise NotConfirmed(f"{name}: {feedback}")
+    if n == 1:
+        need(claim["h"] is None and delta >= K * found.sublevel.vartheta, f"{name}: δ")
+    else:
+        _output_feedback(model, matrices, whole, feedback, delta, Fraction(claim["h"]), name)
+
+
+def _matrices(model: AgentModel, own: tuple[Rows, Fraction], given: LyapunovMatrices, name: str) -> None:
+    if model.agent.zero_states:
+        need(own[0] == given.V0 and given.a0 <= own[1], f"{name}: another V0, or more than its a0")
+    need(given.a0 > 0, f"{name}: a0 > 0")
+    observer = observer_matrix(model.observer) if model.order > 1 else ()
+    for label, A, P in (
+        ("P1", chain_matrix(model.gamma), given.P1),
+        ("P2", model.internal_model.M, given.P2),
+        ("P3", observer, given.P3),
+    ):
+        need(len(A) == len(P), f"{name}: size of {label}")
+        if A:
+            size = range(len(A))
+            _definite(P, f"{name}: {label}")
+            gap = [[-sum(A[k][i] * P[k][j] + P[i][k] * A[k][j] for k in size) - (i == j) for j in size] for i in size]
+            _semidefinite(gap, f"{name}: Lyapunov inequality of {label}")
+
+
+def _constants(
+    model: AgentModel, matrices: LyapunovMatrices, C: Fraction, g: Fraction, eta: Fraction, theta: Fraction
+) -> Constants:
+    """``certify.recipe.constants`` with the weights of the witness in place of its own choice."""
+    need(eta > 0 and theta > 0, "weights")
+    found, n = constants(model, matrices, C, g), model.order
+    vartheta = sqrt_up(2 * C * theta)
+    full = sublevel(matrices, C, eta, vartheta)
+    f_vartheta = model.last_slope(model.box(full, g)) + (g * model.gamma[-1] if n > 1 else 0)
+    one, two, three = zero_layer(model, matrices, C, vartheta if n == 1 else Fraction(0))
+    coupling = 4 * (found.norms.P2N / found.b.lo) ** 2 / eta + 1 / (2 * theta)
+    gamma = model.gamma[0] if n > 1 else Fraction(1)
+    drive = (one * three) ** 2 / matrices.a0 if matrices.V0 else Fraction(0)
+    varsigma = dict(found.varsigma) | {
+        1: one,
+        2: two,
+        3: three,
+        10: drive + 2 * coupling * found.f_reference**2,
+        11: row_sum_norm(matrices.P1) ** 2 + 2 * coupling * (g ** (n - 1) * gamma) ** 2,
+    }
+    return replace(
+        found, sublevel=full, f_vartheta=f_vartheta, varsigma=varsigma, weight_eta=eta, weight_vartheta=theta
+    )
+
+
+def _output_feedback(
+    model: AgentModel,
+    matrices: LyapunovMatrices,
+    level: Level,
+    feedback: StateFeedback,
+    delta: Fraction,
+    h: Fraction,
+    name: str,
+) -> None:
+    """Section 4 of docs/certificate.md at this ``δ`` and ``h``, not at the least ones that the producer would
+    choose."""
+    found, K, n, slack = level.found, feedback.K, model.order, level.slack
+    need(h >= found.g, f"{name}: h >= g")
+    E2 = [(found.g / h) ** (n - k) * gamma for k, gamma in enumerate((*model.gamma, Fraction(1)), start=1)]
+    dual = tuple(tuple(abs(entry) for entry in row) for row in inverse(matrices.P3))
+    need(
+        delta >= K * (found.sublevel.vartheta + sqrt_up(slack / 2 * quadratic_form_bound(dual, [abs(e) for e in E2]))),
+        f"{name}: δ",
+    )
+    observer = _Observer(model, matrices, level, feedback, delta)
+    need(16 * observer.largest * (observer.p3 * observer.speed) ** 2 <= slack * h**2, f"{name}: h1")
+    with ctx.workprec(PRECISION):
+        decay = (-to_arb(h * observer.T / (2 * observer.largest))).exp()
+        need(upper(decay * to_arb(observer.initial_error(h))) <= slack / 4, f"{name}: h2")
+    need(min(observer.dissipation(h).values()) > 0, f"{name}: h3")
+    need(96 * observer.p3**2 * found.f_reference**2 * model.references.energy <= slack * h, f"{name}: h3, drift")
+
+
+def _definite(matrix: Any, name: str) -> None:
+    rows = tuple(tuple(row) for row in matrix)
+    need(
+        all(len(row) == len(rows) for row in rows) and rows == tuple(zip(*rows, strict=True)),
+        f"{name} is not symmetric",
+    )
+    need(isinstance(prove_positive_definite(rows), PositiveDefinite), f"{name} is not positive definite")
+
+
+def _semidefinite(matrix: Any, name: str) -> None:
+    rows = tuple(tuple(Fraction(entry) for entry in row) for row in matrix)
+    proof = prove_positive_semidefinite(rows)
+    need(isinstance(proof, PositiveSemidefinite | PositiveDefinite), f"{name} is not proved")
+
+
+def _row(value: list[str]) -> tuple[Fraction, ...]:
+    return tuple(map(Fraction, value))
+
+
+def _rows(value: list[list[str]]) -> Rows:
+    return tuple(map(_row, value))
+
+
+def prove_direct(plant_file: bytes, certificate: Json) -> None:
+    """``direct/1``: the producer is asked for a certificate of exactly these gains. Raises ``NotConfirmed``."""
+    claim, plant = certificate["claim"], plant_from_bytes(plant_file)
+    need(
+        claim["plant_sha256"] == plant.sha256 and len(claim["agents"]) == len(plant.agents) == 1,
+        "another plant, or several agents",
+    )
+    _respects(plant, claim)
+    entry = claim["agents"][0]
+    g, K, delta, h = (None if entry[key] is None else Fraction(entry[key]) for key in ("g", "K", "delta", "h"))
+    agent = _claimed(plant.agents[0], entry)
+    if entry["N"]:
+        agent = replace(agent, internal_model=InternalModelChoice(_rows(entry["M"]), _row(entry["N"])))
+    alphas = {key: Fraction(claim[key]) for key in ("alpha1", "alpha2")}
+    again = design_gains(replace(plant, agents=(agent,), gains=RequestedGains(g, K, delta, h), **alphas), "direct")
+    need(again.certificate is not None, f"the producer: {again.reason}")
+    mine = again.certificate["claim"] if again.certificate else {}
+    need(mine == claim, "the producer proves another claim")
+
+
+THEOREMS = {"recipe/1": prove_recipe, "direct/1": prove_direct}

@@ -1,0 +1,31 @@
+"""One worker's part of the corpus."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from itertools import islice
+
+from .bases import Base
+from .corpus import corpus
+from .judge import Tally, judge
+
+
+def share(task: tuple[Sequence[Base], int, int, int, int, float]) -> Tally:
+    """Every ``workers``-th mutant."""
+    bases, count, seed, worker, workers, deadline = task
+    tally, start = Tally(), time.monotonic()
+    for mutant in islice(corpus(bases, count, seed), worker, None, workers):
+        if time.monotonic() > deadline:
+            break
+        if judge(bases[mutant.base], mutant, tally) == "accepted wrongly":
+            name, reason = bases[mutant.base].name, tally.wrong[-1][0]
+            print(f"accepted: {name}: {mutant.operator} at {mutant.path}: {reason}", file=sys.stderr, flush=True)
+        if tally.total % 1000 == 0:
+            print(
+                f"worker {worker}: {tally.total} after {time.monotonic() - start:.0f} s, {len(tally.wrong)} wrong",
+                file=sys.stderr,
+                flush=True,
+            )
+    return tally

@@ -1,0 +1,36 @@
+"""A slice of ``python -m tests.refutable``: one plant of every kind, none of which gets a certificate."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+
+import pytest
+from refutable.defects import COSTLY, DEFECTS
+from refutable.network import Network, healthy
+from refutable.trial import attempt
+
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("defect", DEFECTS, ids=lambda defect: defect.__name__)
+def test_no_certificate_for_a_refutable_network(defect: Callable[[random.Random], Network]) -> None:
+    outcome, reason = attempt(defect(random.Random("slice")).text(), "recipe")
+    assert outcome in ("refuted", "inconclusive"), reason
+    assert reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("route", ["recipe", "direct"])
+@pytest.mark.parametrize("defect", [*DEFECTS, *COSTLY], ids=lambda defect: defect.__name__)
+def test_no_certificate_by_either_route(defect: Callable[[random.Random], Network], route: str) -> None:
+    for seed in range(3):
+        outcome, reason = attempt(defect(random.Random(f"slow/{seed}")).text(), route)
+        assert outcome in ("refuted", "inconclusive", "too long"), reason
+
+
+def test_networks_without_a_defect_do_get_one() -> None:
+    """The generator's other parts are in order: what is refused above is refused for its defect."""
+    outcomes = [attempt(healthy(random.Random(f"healthy/{seed}"), most=2).text(), "recipe")[0] for seed in range(4)]
+    assert outcomes.count("certified") >= 3, outcomes

@@ -1,0 +1,120 @@
+"""A slice of ``python -m tests.tamper``: nothing that changes the claim or a needed number is accepted."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections import Counter
+from fractions import Fraction
+from typing import Any
+
+import pytest
+from tamper.bases import SMALL, Base, encode, make_base
+from tamper.corpus import corpus
+from tamper.judge import Tally, judge
+from tamper.mutations import Mutant, at, paths, plant_edits, replaced, systematic
+from tamper.recompute import why_not_proved
+from tamper.values import changes
+
+from certify.checker import check
+
+
+pytestmark = pytest.mark.slow
+
+
+def base_of(name: str) -> Base:
+    base = make_base(SMALL / f"{name}.toml")
+    assert base is not None
+    return base
+
+
+@pytest.fixture(scope="module")
+def bases() -> list[Base]:
+    return [base_of("small_first_order"), base_of("small_second_order")]
+
+
+def test_no_mutant_of_a_slice_is_accepted_wrongly(bases: list[Base]) -> None:
+    tally = Tally()
+    mutants = list(corpus(bases, 400, seed=0))
+    for mutant in mutants:
+        judge(bases[mutant.base], mutant, tally)
+    assert [(reason, mutant.operator, mutant.path) for reason, mutant in tally.wrong] == []
+    assert [reason for reason, _ in tally.faults] == []
+    assert min(tally.classes[name] for name in ("malformed", "rejected", "equivalent")) > 10
+
+
+def test_every_path_of_the_certificate_matters_or_is_a_note(bases: list[Base]) -> None:
+    """For every number there is a change that is not accepted; only the producer's note is free."""
+    base, rng = bases[0], random.Random(0)
+    for path in paths(base.certificate):
+        if path[:1] == ("producer",) or not isinstance(at(base.certificate, path), str):
+            continue
+        options = changes(at(base.certificate, path))
+        rng.shuffle(options)
+        assert any(
+            check(base.plant, encode(replaced(base.certificate, path, new))).status != "verified"
+            for _, new in options[:12]
+        ), path
+
+
+def test_claim_is_bound_to_the_plant_file(bases: list[Base]) -> None:
+    first, second = bases
+    assert check(second.plant, encode(first.certificate)).status == "rejected"
+    rebound = replaced(first.certificate, ("claim", "plant_sha256"), second.certificate["claim"]["plant_sha256"])
+    assert check(second.plant, encode(rebound)).status != "verified"
+    for _, plant in list(plant_edits(first.plant))[:10]:
+        if plant != first.plant:
+            assert check(plant, encode(first.certificate)).status != "verified"
+
+
+def test_equivalent_means_the_same_claim_and_other_claims_are_proved_again(bases: list[Base]) -> None:
+    base, tally = bases[0], Tally()
+    delta = Fraction(base.certificate["claim"]["agents"][0]["delta"])
+    larger = replaced(base.certificate, ("claim", "agents", 0, "delta"), str(2 * delta))
+    assert judge(base, Mutant(0, "δ doubled", "claim", larger), tally) == "other claim, proved again"
+    noted = replaced(base.certificate, ("producer", "python"), "another")
+    assert judge(base, Mutant(0, "note", "producer", noted), tally) == "equivalent"
+    smaller = replaced(base.certificate, ("claim", "agents", 0, "delta"), str(delta / 100))
+    assert judge(base, Mutant(0, "δ/100", "claim", smaller), tally) == "rejected"
+    assert not tally.wrong
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("claim", "agents", 0, "delta"), "1/1000"),
+        (("claim", "agents", 0, "K"), "2"),
+        (("claim", "agents", 0, "g"), "1/2"),
+        (("claim", "alpha1"), "-1"),
+        (("witness", "coordinator", "rate"), "1000"),
+        (("witness", "coordinator", "P"), [["-1"]]),
+        (("witness", "agents", 0, "level"), "1/1000000"),
+        (("witness", "agents", 0, "weight_theta"), "1000000"),
+        (("claim", "plant_sha256"), "0" * 64),
+    ],
+)
+def test_second_proof_refuses_what_is_not_so(bases: list[Base], path: tuple[Any, ...], value: Any) -> None:
+    """The code that confirms other claims can say no; otherwise its yes would mean nothing."""
+    assert why_not_proved(bases[0].plant, bases[0].certificate) is None
+    assert why_not_proved(bases[0].plant, replaced(bases[0].certificate, path, value)) is not None
+
+
+def test_rule_counts_a_checker_that_accepts_everything(bases: list[Base], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Were the checker to say yes to all, the corpus would say so."""
+    import tamper.judge as judging
+
+    from certify.certificate import claim_digest
+    from certify.checker import Verdict
+
+    def gullible(plant: bytes, certificate: bytes) -> Verdict:
+        return Verdict("verified", claim_sha256=claim_digest(json.loads(certificate)))
+
+    monkeypatch.setattr(judging, "check", gullible)
+    tally, outcomes = Tally(), Counter[str]()
+    for mutant in list(systematic(bases, 0, splices=False))[200:2000:40]:
+        if mutant.path.startswith("claim.") and not isinstance(mutant.value, bytes):
+            try:
+                outcomes[judge(bases[0], mutant, tally)] += 1
+            except (ValueError, KeyError, TypeError, AttributeError):
+                continue  # the second proof cannot even read this one
+    assert outcomes["accepted wrongly"] > 5
