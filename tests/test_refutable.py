@@ -10,7 +10,6 @@ from refutable.defects import COSTLY, DEFECTS
 from refutable.network import Network, healthy
 from refutable.trial import attempt
 
-
 pytestmark = pytest.mark.slow
 
 

@@ -18,7 +18,6 @@ from tamper.values import changes
 
 from certify.checker import check
 
-
 pytestmark = pytest.mark.slow
 
 
