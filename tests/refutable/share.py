@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
 
 from .trial import Tally, trial
 
@@ -21,10 +22,7 @@ def share(task: tuple[int, int, int, int, float]) -> Tally:
             break
         trial(seed, number, "direct" if number % DIRECT_EVERY == 0 else "recipe", tally)
         if tally.total % 250 == 0:
-            print(
-                f"worker {worker}: {tally.total} after {time.monotonic() - start:.0f} s, "
-                f"{len(tally.certified)} certified",
-                file=sys.stderr,
-                flush=True,
-            )
+            outcomes = sorted(Counter(outcome for _, outcome in tally.outcomes.elements()).items())
+            message = f"worker {worker}: {tally.total} after {time.monotonic() - start:.0f} s: {dict(outcomes)}"
+            print(message, file=sys.stderr, flush=True)
     return tally

@@ -23,9 +23,6 @@ def share(task: tuple[Sequence[Base], int, int, int, int, float]) -> Tally:
             name, reason = bases[mutant.base].name, tally.wrong[-1][0]
             print(f"accepted: {name}: {mutant.operator} at {mutant.path}: {reason}", file=sys.stderr, flush=True)
         if tally.total % 1000 == 0:
-            print(
-                f"worker {worker}: {tally.total} after {time.monotonic() - start:.0f} s, {len(tally.wrong)} wrong",
-                file=sys.stderr,
-                flush=True,
-            )
+            message = f"worker {worker}: {tally.total} after {time.monotonic() - start:.0f} s: {dict(tally.classes)}"
+            print(message, file=sys.stderr, flush=True)
     return tally
