@@ -10,11 +10,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from certify.checker import check
 from certify.checker.certificate import read_certificate
-from certify.checker.plant import read_plant
+from certify.checker.plant import Plant, read_plant
 from certify.checker.verdict import Malformed
 from symbolic.errors import InputError
 from symbolic.plant_file import parse_plant
@@ -22,6 +24,7 @@ from symbolic.plant_file import parse_plant
 from .agreement import difference
 from .inputs import Input
 
+ANOTHER = (Path(__file__).parents[1] / "checker_corpus" / "first_order.json").read_bytes()
 SECONDS = 10
 GIGABYTE = 1 << 30
 FORBIDDEN = (
@@ -135,13 +138,23 @@ def read(
     return outcome, result
 
 
+def checker_reads(data: bytes) -> Plant:
+    """What the checker makes of a plant file, asked at its door with a certificate about another plant."""
+    verdict = check(data, ANOTHER)
+    if verdict.status == "malformed":
+        raise Malformed(verdict.detail)
+    if verdict.obligation == "unexpected":
+        raise RuntimeError(verdict.detail)
+    return read_plant(data)
+
+
 def feed(given: Input, tally: Tally) -> None:
     """The input to the reader it is meant for; a plant file to both plant readers, which must agree."""
     tally.inputs += 1
     if given.kind == "certificate":
         read("certificate reader", read_certificate, Malformed, given, tally)
     else:
-        mine = read("checker's plant reader", read_plant, Malformed, given, tally)
+        mine = read("checker's plant reader", checker_reads, Malformed, given, tally)
         theirs = read("plant reader", lambda data: parse_plant(data, "fuzz.toml"), InputError, given, tally)
         if "fault" not in (mine[0], theirs[0]) and (reason := difference(mine, theirs)) is not None:
             tally.disagreements.append((reason, given.data))
