@@ -62,7 +62,7 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
     for i in range(bound.shape[0]):
         for j in range(bound.shape[1]):
             weight = INPUT_WEIGHT if j < inputs else START_WEIGHT
-            coefficients[i, j] = _least_majorant(bound[i, j], decay, rates, weight)
+            coefficients[i, j] = least_majorant(bound[i, j], decay, 1 / rates + weight / rates[0])
             coefficients[i, j, 0] += ROUNDING * size[i, j]
             coefficients[i, j, 0] += _tail_excess(modes, i, j, rates[0], last, coefficients[i, j, 0])
     return Kernels(rates, coefficients, inputs)
@@ -127,23 +127,18 @@ def _block_norms(modes: Modes) -> tuple[np.ndarray, np.ndarray]:
     return left, right
 
 
-def _least_majorant(bound: np.ndarray, decay: np.ndarray, rates: np.ndarray, weight: float) -> np.ndarray:
-    """The majorant with the least integral plus ``weight`` times its value at 0 (in units of the slowest rate)."""
+def least_majorant(bound: np.ndarray, decay: np.ndarray, price: np.ndarray) -> np.ndarray:
+    """The cheapest ``c ≥ 0`` with ``decay @ c ≥ bound``, at a price per rate; ``decay[k, a]`` is ``e^{−μ_a t}`` at the end
+    of cell ``k``."""
     largest = float(bound.max())
     if largest <= 0:
-        return np.zeros(len(rates))
+        return np.zeros(len(price))
     floor = np.maximum(bound / largest, NEGLIGIBLE * decay[:, 0])
     groups = -(-len(floor) // GROUP)
     need = np.array([floor[k * GROUP : (k + 1) * GROUP].max() for k in range(groups)])
     have = np.array([decay[min((k + 1) * GROUP, len(floor)) - 1] for k in range(groups)])
-    result = linprog(
-        1 / rates + weight / rates[0],
-        A_ub=-have / need[:, None],
-        b_ub=-np.ones(groups),
-        bounds=(0, None),
-        method="highs",
-    )
-    found = np.maximum(result.x, 0) if result.x is not None else np.eye(len(rates))[0] / have[-1, 0]
+    result = linprog(price, A_ub=-have / need[:, None], b_ub=-np.ones(groups), bounds=(0, None), method="highs")
+    found = np.maximum(result.x, 0) if result.x is not None else np.eye(len(price))[0] / have[-1, 0]
     ratio = float(np.max(floor / np.maximum(decay @ found, 1e-300)))
     return found * largest * max(ratio, 1.0) * (1 + MARGIN)
 

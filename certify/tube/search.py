@@ -13,12 +13,12 @@ from symbolic.plant import RequestedGains
 
 FIRST_G = (Fraction(2), Fraction(3), Fraction(1))
 LARGER_G = (Fraction(3), Fraction(4), Fraction(6))
-_RUNGS = "20 30 40 50 60 75 90 110 130 160 200 250 300 375 450 550 700 1000 1500 2200 3300 5000"
+_RUNGS = "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 110 130 145 160 180 200 250 300 375 450 550 700 1000 1500 2200 3300 5000"
 LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
 HIGHER = tuple(Fraction(10) ** k for k in (4, 5, 6))
 START = LADDER.index(Fraction(1000))
-RATIOS = tuple(Fraction(k) for k in (12, 25, 40, 60, 100, 200, 400, 1000))
-FIRST_RATIO = 5
+RATIOS = tuple(Fraction(k) for k in (5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 60, 100, 200, 400, 1000))
+FIRST_RATIO = RATIOS.index(Fraction(100))
 
 
 @dataclass(frozen=True)

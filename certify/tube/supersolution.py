@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from certify.tube.increments import Increments, residuals
+from certify.tube.direct_ranges import move
+from certify.tube.increments import Increments, Ranges, residuals
 from certify.tube.kernels import Kernels
 from certify.tube.surroundings import Moment, Surroundings
 
@@ -32,10 +33,12 @@ class Feedback:
 
 @dataclass(frozen=True)
 class Tube:
-    """``grid`` has one entry more than ``boxes``; ``boxes[k]`` bounds the outputs ``z̄, x̄, ϑ̃, Ψη̄`` on step ``k``."""
+    """``grid`` has one entry more than ``boxes``; ``boxes[k]`` bounds the outputs ``z̄, x̄, ϑ̃, υ`` on step ``k``;
+    ``ranges[k]`` is where ``z`` is at the end of step ``k``, for as long as that is worth knowing."""
 
     grid: tuple[float, ...]
     boxes: tuple[np.ndarray, ...]
+    ranges: tuple[Ranges, ...]
     tail: np.ndarray
     tail_rate: float
 
@@ -64,57 +67,61 @@ class Comparison:
     def start(self, state: np.ndarray) -> np.ndarray:
         return np.einsum("ila,l->ia", self.kernels.coefficients[:, self.kernels.inputs :], state)
 
-    def inputs(self, box: np.ndarray, moment: Moment) -> np.ndarray:
+    def inputs(self, box: np.ndarray, moment: Moment, known: Ranges = ()) -> np.ndarray:
         """Bounds of ``q_1 … q_nz, q_f, q_y`` over a box of outputs."""
         zeros = self.increments.zeros
-        slopes = self.increments.slopes(box[:zeros], box[zeros : self.plant], moment)
+        slopes = self.increments.slopes(box[:zeros], box[zeros : self.plant], moment, known)
         S, s = residuals(slopes, self.feedback.f0, self.feedback.f1, zeros)
         q = S @ box[: self.plant] + s * moment.deviation
-        if self.gain_error > 0:
-            q[zeros] += self.gain_error * (
-                self.feedback.K * box[self.plant] + (box[self.plant + 1] if len(box) > self.plant + 1 else 0)
-            )
+        q[zeros] += self.gain_error * box[self.plant + 1]
         return np.append(q, moment.rate) * DRIVE_MARGIN
 
     def drive(self, q: np.ndarray) -> np.ndarray:
         return self.kernels.coefficients[:, : self.kernels.inputs].transpose(0, 2, 1) @ q
 
-    def step(self, p: np.ndarray, box: np.ndarray, moment: Moment, length: float) -> tuple[np.ndarray, np.ndarray]:
+    def step(
+        self, p: np.ndarray, box: np.ndarray, moment: Moment, known: Ranges, length: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The state after the step and the bounds of the outputs during it, given a box for it."""
-        level = self.drive(self.inputs(box, moment)) / self.kernels.rates
+        level = self.drive(self.inputs(box, moment, known)) / self.kernels.rates
         kept = np.exp(-self.kernels.rates * length)
         following = kept * p + (1 - kept) * level
         return following, np.maximum(p, following).sum(axis=1)
 
 
-def tube(comparison: Comparison, surroundings: Surroundings, state: np.ndarray, begin: float) -> Tube | TubeFailure:
+def tube(
+    comparison: Comparison, surroundings: Surroundings, state: np.ndarray, known: Ranges, begin: float
+) -> Tube | TubeFailure:
     """Boxes from ``begin`` to the end of the coordinator's grid, and the tail; or the time at which no box was
-    found."""
+    found. ``state`` bounds ``Y``, ``known`` are ranges of ``z`` at ``begin``."""
     p = comparison.start(state)
     time, length = begin, max(begin / 4, 0.25 / float(comparison.kernels.rates.max()))
     shortest = length * SMALLEST_STEP_RATIO
     grid = [time]
     boxes: list[np.ndarray] = []
+    ranges: list[Ranges] = []
     while time < surroundings.horizon:
         if len(boxes) >= MOST_STEPS:
             return TubeFailure(time, f"more than {MOST_STEPS} steps")
         length = min(length, LARGEST_STEP, max(surroundings.horizon - time, shortest) * 1.001)
         length = _short(length)
-        found = _box(comparison, p, surroundings.during(time, time + length), length)
+        found = _box(comparison, p, surroundings.during(time, time + length), known, length)
         if found is None:
             length /= 2
             if length < shortest:
                 return TubeFailure(time, "the increments outrun the loop")
             continue
-        p, box, rounds = found
+        p, box, known, rounds = found
         boxes.append(box)
+        if known:
+            ranges.append(known)
         time = time + length
         grid.append(time)
         length = length * GROWTH if rounds < 6 else length
     tail = _tail(comparison, surroundings, p)
     if isinstance(tail, str):
         return TubeFailure(time, tail)
-    return Tube(tuple(grid), tuple(boxes), *tail)
+    return Tube(tuple(grid), tuple(boxes), tuple(ranges), *tail)
 
 
 def _short(length: float) -> float:
@@ -124,13 +131,15 @@ def _short(length: float) -> float:
 
 
 def _box(
-    comparison: Comparison, p: np.ndarray, moment: Moment, length: float
-) -> tuple[np.ndarray, np.ndarray, int] | None:
+    comparison: Comparison, p: np.ndarray, moment: Moment, known: Ranges, length: float
+) -> tuple[np.ndarray, np.ndarray, Ranges, int] | None:
     box = p.sum(axis=1) * INFLATION + 1e-9
     for rounds in range(60):
-        following, reached = comparison.step(p, box, moment, length)
+        moved = move(comparison.increments, known, box, moment, length) if known else None
+        ends, during = moved or ((), ())
+        following, reached = comparison.step(p, box, moment, during, length)
         if np.all(reached <= box):
-            return following, box, rounds
+            return following, box, ends, rounds
         box = np.maximum(box, reached * INFLATION)
         if not np.all(np.isfinite(box)) or box.max() > LARGEST:
             return None
