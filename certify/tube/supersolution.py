@@ -13,8 +13,12 @@ from certify.tube.surroundings import Moment, Surroundings
 
 INFLATION = 1.01
 DRIVE_MARGIN = 1.01
+STEP_MARGIN = 1 + 1e-9
+FIRST_STEP = 1.0
 LARGEST_STEP = 0.2
-SMALLEST_STEP_RATIO = 1e-3
+BENT = 1.2
+SHRINK = 0.8
+SMALLEST_STEP_RATIO = 1e-2
 GROWTH = 1.3
 MOST_STEPS = 2500
 LARGEST = 1e6
@@ -86,7 +90,10 @@ class Comparison:
         level = self.drive(self.inputs(box, moment, known)) / self.kernels.rates
         kept = np.exp(-self.kernels.rates * length)
         following = kept * p + (1 - kept) * level
-        return following, np.maximum(p, following).sum(axis=1)
+        rise = np.maximum(following - p, 0)
+        bend = np.minimum(rise, (self.kernels.rates * length) ** 2 / 8 * np.maximum(level - p, 0))
+        chord = np.maximum(p.sum(axis=1), following.sum(axis=1)) + bend.sum(axis=1)
+        return following, np.minimum(p.sum(axis=1) + rise.sum(axis=1), chord) * STEP_MARGIN
 
 
 def tube(
@@ -95,7 +102,7 @@ def tube(
     """Boxes from ``begin`` to the end of the coordinator's grid, and the tail; or the time at which no box was
     found. ``state`` bounds ``Y``, ``known`` are ranges of ``z`` at ``begin``."""
     p = comparison.start(state)
-    time, length = begin, max(begin / 4, 0.25 / float(comparison.kernels.rates.max()))
+    time, length = begin, FIRST_STEP / float(comparison.kernels.rates.max())
     shortest = length * SMALLEST_STEP_RATIO
     grid = [time]
     boxes: list[np.ndarray] = []
@@ -111,13 +118,14 @@ def tube(
             if length < shortest:
                 return TubeFailure(time, "the increments outrun the loop")
             continue
-        p, box, known, rounds = found
+        before, (p, box, known, rounds) = p, found
         boxes.append(box)
         if known:
             ranges.append(known)
         time = time + length
         grid.append(time)
-        length = length * GROWTH if rounds < 6 else length
+        bent = np.any(box > BENT * INFLATION * np.maximum(before.sum(axis=1), p.sum(axis=1)) + 1e-6)
+        length *= SHRINK if bent else GROWTH if rounds < 6 else 1.0
     tail = _tail(comparison, surroundings, p)
     if isinstance(tail, str):
         return TubeFailure(time, tail)
@@ -150,10 +158,10 @@ def _tail(comparison: Comparison, surroundings: Surroundings, p: np.ndarray) -> 
     moment, rates = surroundings.later(), comparison.kernels.rates
     for share in TAIL_SHARES:
         rate = share * min(surroundings.decay, float(rates[0]))
-        box = p.sum(axis=1) * 1.05 + 1e-9
+        left = np.maximum(p, 0).sum(axis=1)
+        box = left * 1.05 + 1e-9
         for _ in range(200):
-            d = np.maximum(p, comparison.drive(comparison.inputs(box, moment)) / (rates - rate))
-            reached = d.sum(axis=1)
+            reached = left + (comparison.drive(comparison.inputs(box, moment)) / (rates - rate)).sum(axis=1)
             if np.all(reached <= box):
                 return box, rate
             box = np.maximum(box, reached * INFLATION)

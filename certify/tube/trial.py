@@ -60,6 +60,7 @@ class AgentTrials:
         self.increments = Increments(model)
         self.initial: InitialMagnitudes = initial_magnitudes(model, self.surroundings)
         self.nominal = _nominal(self.increments, self.surroundings)
+        self.levels: dict[Fraction, float] = {}
         self.observer: ObserverDecay | None = None
         if model.order > 1:
             self.observer = observer_decay(observer_matrix(model.observer))
@@ -75,7 +76,8 @@ class AgentTrials:
         if not np.all(np.isfinite(majorants.coefficients)):
             return TrialFailure(gains, "the kernels of the nominal loop could not be bounded")
         K, furthest = float(gains.K), float(gains.K) * float(self._theta(gains) @ self.initial.x)
-        level, reason = FIRST_LEVEL * furthest if delta is None else float(delta), ""
+        level = self._first_level(gains, furthest) if delta is None else float(delta)
+        reason, latest = "", -1.0
         for _ in range(DELTA_ROUNDS):
             bound = _short_up(level) if delta is None else delta
             reached = self._reach(comparison, gains, float(bound))
@@ -85,9 +87,13 @@ class AgentTrials:
                 result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration)
                 if isinstance(result, TubeFailure):
                     reason, needed = f"at t = {result.time:.4g}: {result.reason}", level * DELTA_GROWTH
+                    if result.time <= latest:
+                        break
+                    latest = result.time
                 else:
                     needed = K * float(result.peak[comparison.plant]) * (1 + 1e-9)
                     if needed <= float(bound):
+                        self.levels[gains.g] = float(bound) / furthest
                         return Trial(gains, bound, self.nominal, found, majorants, reached, result)
                     reason = f"the saturation level {level:.4g} is reached: the tube needs {needed:.4g}"
                     needed *= DELTA_MARGIN
@@ -95,6 +101,10 @@ class AgentTrials:
             if delta is not None or level > LARGEST_LEVEL * furthest:
                 break
         return TrialFailure(gains, reason)
+
+    def _first_level(self, gains: LoopGains, furthest: float) -> float:
+        """Half of what passed with the same ``g`` before, in units of ``K`` times the largest ``|ϑ(0)|``."""
+        return furthest * max(FIRST_LEVEL, self.levels.get(gains.g, 0.0) / 2)
 
     def _feedback(self, gains: LoopGains) -> Feedback:
         zeros = self.increments.zeros
