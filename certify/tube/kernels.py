@@ -17,6 +17,7 @@ from certify.tube.modes import Modes
 RATIO = 33 / 32
 LIFETIMES = 32
 MARGIN = 1e-4
+GROUP = 2
 GUARD = 1e-4
 ROUNDING = 1e-15
 NEGATIVE = 1e-6
@@ -58,13 +59,15 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
     bound = _cell_bounds(modes, ends)
     rates = _rates(modes)
     last = LIFETIMES / float(modes.decay.min())
-    basis = Basis(ends, rates)
+    groups = np.append(np.arange(0, len(ends) - 1, GROUP), len(ends) - 1)
+    basis = Basis(ends[groups], rates)
+    grouped = np.maximum.reduceat(bound, groups[:-1], axis=2)
     size = np.linalg.norm(modes.outputs, axis=1)[:, None] * np.linalg.norm(modes.columns, axis=0)[None, :]
     coefficients = np.zeros((*bound.shape[:2], len(rates)))
     for i in range(bound.shape[0]):
         for j in range(bound.shape[1]):
             weight = INPUT_WEIGHT if j < inputs else START_WEIGHT
-            coefficients[i, j] = basis.least_majorant(bound[i, j], 1 / rates + weight / rates[0])
+            coefficients[i, j] = basis.least_majorant(grouped[i, j], 1 / rates + weight / rates[0])
             coefficients[i, j, 0] += ROUNDING * size[i, j]
             coefficients[i, j, 0] += _tail_excess(modes, i, j, rates, last, coefficients[i, j])
     return Kernels(rates, coefficients, inputs)

@@ -22,9 +22,10 @@ from certify.tube.supersolution import Comparison, Feedback, Tube, TubeFailure, 
 from certify.tube.surroundings import Surroundings
 
 NOMINAL_BITS = 8
-DELTA_MARGIN = 1.05
+DELTA_MARGIN = 1.12
 DELTA_GROWTH = 1.4
 NEARLY = 0.6
+FAR = 3.0
 DELTA_ROUNDS = 16
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
@@ -84,7 +85,8 @@ class AgentTrials:
             if isinstance(reached, Stuck):
                 reason, needed = reached.reason, max(level * DELTA_GROWTH, NEARLY * K * reached.vartheta)
             else:
-                result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration)
+                highest = FAR * float(bound) / K
+                result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, highest)
                 if isinstance(result, TubeFailure):
                     reason, needed = f"at t = {result.time:.4g}: {result.reason}", level * DELTA_GROWTH
                     if result.time <= latest:
@@ -130,7 +132,7 @@ class AgentTrials:
             float(self.nominal.b),
             error,
         )
-        return phase.run(lambda start: float(comparison.start(start)[comparison.plant].sum()), time_constant)
+        return phase.run(comparison.highest, time_constant)
 
     def _theta(self, gains: LoopGains) -> np.ndarray:
         """``ϑ = θ x̄``."""
