@@ -54,9 +54,8 @@ def prove(name: str, loop: Loop, witness: DirectAgentWitness) -> None:
 class _Kernels:
     def __init__(self, name: str, loop: Loop, witness: DirectAgentWitness) -> None:
         self.name, self.rates = name, [ball(rate) for rate in witness.rates]
-        size = loop.size
-        columns = [[*row, *unit] for row, unit in zip(loop.inputs, linear.identity(size), strict=True)]
-        _spend_on_inverse(witness.modes, loop.A)
+        columns = [[*inputs, *starts] for inputs, starts in zip(loop.inputs, loop.starts, strict=True)]
+        _spend_on_inverse(witness.modes, loop.A, loop.starts)
         H = exact(witness.modes)
         try:
             R = H.inv()

@@ -13,7 +13,7 @@ from flint import arb, arb_mat
 from certify.checker.balls import BITS, above, ball, precision, shown
 from certify.checker.certificate import AgentClaim, DirectAgentWitness
 from certify.checker.intervals import Interval, enclose
-from certify.checker.rules.increments import Increments, bound_f1, bounds_f0
+from certify.checker.rules.increments import Increments, Slopes, increment
 from certify.checker.rules.loop import Loop
 from certify.checker.rules.surroundings import Outside, Surroundings
 from certify.checker.verdict import Rejected, Undecided, require, spend
@@ -21,7 +21,7 @@ from certify.checker.verdict import Rejected, Undecided, require, spend
 
 def prove(name: str, loop: Loop, claim: AgentClaim, witness: DirectAgentWitness, b: Interval, outside: Outside,
           increments: Increments, at_start: Sequence[Interval]) -> None:
-    """From the magnitudes of ``X`` at ``T1`` on, for ever. Raises ``Rejected``."""
+    """From the magnitudes of ``Y`` at ``T1`` on, for ever. Raises ``Rejected``."""
     with precision(BITS):
         tube = _Tube(name, loop, claim, witness, b, increments, at_start)
         for k in range(len(witness.boxes)):
@@ -33,7 +33,8 @@ class _Tube:
     def __init__(self, name: str, loop: Loop, claim: AgentClaim, witness: DirectAgentWitness, b: Interval,
                  increments: Increments, at_start: Sequence[Interval]) -> None:
         self.name, self.loop, self.claim, self.witness, self.increments = name, loop, claim, witness, increments
-        self.nominal = witness.nominal
+        self.nominal_f0 = [[-enclose(slope) for slope in row] for row in witness.nominal.f0]
+        self.nominal_f1 = [-enclose(slope) for slope in witness.nominal.f1]
         self.surplus = (b - enclose(witness.nominal.b)).magnitude
         self.rates = [ball(rate) for rate in witness.rates]
         forced = loop.nz + 2
@@ -47,15 +48,17 @@ class _Tube:
         return arb_mat([[ball(column[a]) for column in columns[first:last]]
                         for columns in self.witness.kernels for a in range(len(self.rates))])
 
-    def forcing(self, box: Sequence[Fraction], around: Surroundings) -> list[arb]:
+    def sizes(self, box: Sequence[Fraction]) -> tuple[list[Interval], list[Interval]]:
+        """Of ``z̄`` and ``x̄``."""
+        sizes = [enclose(size).upper for size in box[: self.loop.nz + self.loop.n]]
+        return sizes[: self.loop.nz], sizes[self.loop.nz :]
+
+    def forcing(self, box: Sequence[Fraction], around: Surroundings, slopes: Slopes) -> list[arb]:
         """``Σ_j c_ija q_j`` with the ``q_j`` of section 3 over the box."""
-        nz, n = self.loop.nz, self.loop.n
-        sizes = [enclose(size).upper for size in box]
-        z, x = sizes[:nz], sizes[nz : nz + n]
-        steering = self.claim.K * sizes[nz + n] + (sizes[nz + n + 1] if self.loop.s else 0)
-        slopes = self.increments.slopes(around, z, x)
-        q = bounds_f0(slopes, self.nominal, z, x, around.distance)
-        q.append((bound_f1(slopes, self.nominal, z, x, around.distance) + self.surplus * steering).upper)
+        z, x = self.sizes(box)
+        q = [increment(row, nominal, z, x, around.distance)
+             for row, nominal in zip(slopes.f0, self.nominal_f0, strict=True)]
+        q.append((increment(slopes.f1, self.nominal_f1, z, x, around.distance) + self.surplus * box[-1]).upper)
         q.append(around.speed)
         return _entries(self.force * arb_mat([[above(entry)] for entry in q]))
 
@@ -63,7 +66,9 @@ class _Tube:
         start, end, box = self.witness.grid[k], self.witness.grid[k + 1], self.witness.boxes[k]
         name = f"{self.name}: tube: step {k + 1}"
         try:
-            forcing = self.forcing(box, outside.during(start, end))
+            around, index = outside.during(start, end), len(self.witness.phase1.boxes) + k
+            slopes = self.increments.on_step(index, end - start, around, *self.sizes(box))
+            forcing = self.forcing(box, around, slopes)
         except Undecided as reason:
             raise Rejected(name, str(reason)) from None
         duration, largest, count = ball(end - start), [], len(self.rates)
@@ -82,7 +87,8 @@ class _Tube:
         require(0 < rate <= fastest, f"{name}: 0 < ρ ≤ λ'", rate=rate, reference=fastest)
         require(rate < self.witness.rates[0], f"{name}: ρ < μ_1", rate=rate, slowest=self.witness.rates[0])
         try:
-            forcing = self.forcing(box, outside.in_tail())
+            around = outside.in_tail()
+            forcing = self.forcing(box, around, self.increments.in_tail(around, *self.sizes(box)))
         except Undecided as reason:
             raise Rejected(name, str(reason)) from None
         gaps = [own - ball(rate) for own in self.rates]
