@@ -8,7 +8,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
 
-STEPS = 150_000_000  # some ten seconds
+STEPS = 300_000_000  # some ten seconds
 
 
 class Malformed(Exception):
