@@ -107,7 +107,8 @@ class Comparison:
         return level + apart * left[-1], reached
 
     def instants(self, length: float) -> tuple[np.ndarray, np.ndarray]:
-        """``e^{−μ_a τ_k}`` at ``τ_0 = 0, τ_k = Δ 2^{k−SUBSTEPS}``, and how far a rising term is above its chord between."""
+        """``e^{−μ_a τ_k}`` at ``τ_0 = 0, τ_k = Δ 2^{k−SUBSTEPS}``, and how far a rising term is above its chord between
+        them."""
         times = length * np.append(0.0, 2.0 ** np.arange(1 - SUBSTEPS, 1))
         left, turns = np.exp(-np.outer(times, self.kernels.rates)), np.outer(np.diff(times), self.kernels.rates)
         return left, left[:-1] * np.minimum(-np.expm1(-turns), turns**2 / 8)

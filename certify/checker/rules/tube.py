@@ -19,7 +19,6 @@ from certify.checker.rules.loop import Loop
 from certify.checker.rules.surroundings import Outside, Surroundings
 from certify.checker.verdict import Rejected, Undecided, require, spend
 
-
 ZERO = arb(0)
 SUBSTEPS = 10
 
@@ -88,7 +87,7 @@ class _Tube:
         bends = arb_mat([[(-entry).max(ZERO) for entry in row] for row in apart]) * arb_mat(over).transpose()
         reached = []
         for i, limit in enumerate(limits):
-            highest = [sums[i, l].max(sums[i, l + 1]) + bends[i, l] for l in range(SUBSTEPS)]
+            highest = [sums[i, at].max(sums[i, at + 1]) + bends[i, at] for at in range(SUBSTEPS)]
             reached.append(sum(limit, ZERO) + reduce(arb.max, highest))
         self.p = [[limit + entry * e for limit, entry, e in zip(*pair, left[-1], strict=True)]
                   for pair in zip(limits, apart, strict=True)]
@@ -96,13 +95,13 @@ class _Tube:
 
     def instants(self, duration: arb) -> tuple[list[list[arb]], list[list[arb]]]:
         """Rows of ``e^(−μ_a τ_l)``, and of ``e^(−μ_a τ_l) min(1 − e^(−μ_a δ_l), (μ_a δ_l)²/8)``."""
-        times = [ZERO, *(duration / (1 << SUBSTEPS - l) for l in range(1, SUBSTEPS + 1))]
+        times = [ZERO, *(duration / (1 << SUBSTEPS - k) for k in range(1, SUBSTEPS + 1))]
         left = [[(-rate * t).exp() for rate in self.rates] for t in times]
         over = []
-        for l in range(SUBSTEPS):
-            length = times[l + 1] - times[l]
+        for at in range(SUBSTEPS):
+            length = times[at + 1] - times[at]
             over.append([(now - later).min(now * (rate * length) ** 2 / 8)
-                         for now, later, rate in zip(left[l], left[l + 1], self.rates, strict=True)])
+                         for now, later, rate in zip(left[at], left[at + 1], self.rates, strict=True)])
         return left, over
 
     def tail(self, outside: Outside) -> None:
