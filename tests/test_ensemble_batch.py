@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from sims.stage_code import numpy_functions, stage_sources
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Plant
+from symbolic.plant_file import load_plant
 
 
 @pytest.fixture(scope="module")
@@ -159,6 +161,45 @@ def test_compiled_agrees_with_numpy_and_not_with_its_neighbours(five_agents: Pla
     assert np.abs(plain.samples - fast.samples).max() < 1e-5
     alone = run(loop, chosen[3:4], 10.0, BatchOptions(compiled=True))
     assert (alone.samples[0] == fast.samples[3]).all()
+
+
+def test_lanes_are_filled_again_and_do_not_mix(five_agents: Plant, good: Controller) -> None:
+    """More trajectories than lanes, some of which escape early: each as NumPy has it, and as it is alone."""
+    pytest.importorskip("numba", reason="the extra fast is not installed")
+    loop = agent_loop(five_agents, with_gains(good, g=3, K=30, h=100), 1)
+    corner = agent_point(loop.agent, loop.law, agent_box(loop.agent, loop.law).point((1, 1, 1, 1, 1, 1)))
+    chosen = [corner if k % 5 == 0 else point for k, point in enumerate(points(loop, 150))]
+    plain, fast = (run(loop, chosen, 5.0, BatchOptions(compiled=compiled)) for compiled in (False, True))
+    assert (fast.status == plain.status).all() and set(fast.status) == {COMPLETED, ESCAPED}
+    assert fast.end == pytest.approx(plain.end, rel=1e-3)
+    assert fast.saturated == pytest.approx(plain.saturated, abs=1e-5)
+    assert fast.last_saturated == pytest.approx(plain.last_saturated, abs=1e-5)
+    done = fast.status == COMPLETED
+    assert fast.peak[done] == pytest.approx(plain.peak[done], rel=1e-5) and (fast.peak[~done] > 1e9).all()
+    assert np.abs(plain.samples[done] - fast.samples[done]).max() < 1e-4
+    assert (np.isnan(plain.samples) == np.isnan(fast.samples)).all()
+    few = run(loop, chosen[131:134], 5.0, BatchOptions(compiled=True))
+    assert (few.samples == fast.samples[131:134]).all()
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("delta", [10, 1000])
+def test_the_unsaturated_zone_is_not_stepped_over(examples: Path, delta: int, compiled: bool) -> None:
+    """From ``e_1(0) = −4.3e13`` the argument passes the zone in a tiny part of a step."""
+    if compiled:
+        pytest.importorskip("numba", reason="the extra fast is not installed")
+    plant = load_plant(examples / "fourth_order.toml")
+    loop = agent_loop(plant, controller_for(plant, g=1, K=60, h=60_000, delta=delta), 1)
+    box = agent_box(loop.agent, loop.law)
+    corner = agent_point(loop.agent, loop.law, box.point((0.0,) * len(box.free)))
+    assert loop.start(corner)[loop.plant_states] == pytest.approx(-4.3e13, rel=0.01)
+    found = run(loop, [corner], 2.0, BatchOptions(compiled=compiled))
+    shared = shared_points(plant, np.random.default_rng(0), 1, 0)
+    layer = upper_layer(plant, loop.controller, shared[0], 2.0)
+    exact = loop.reference_run(layer, corner, np.linspace(0, 2, 101), 1e-9, 1e-11)
+    rows = loop.plant_states
+    assert np.abs(exact.states[:rows] - found.samples[0, :rows]).max() < 1e-5
+    assert found.saturated[0] == pytest.approx(exact.saturated_time, rel=1e-3)
 
 
 def test_feedback_without_saturation_is_not_compiled(five_agents: Plant, good: Controller) -> None:
