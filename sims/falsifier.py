@@ -41,7 +41,7 @@ _CHUNK = 512
 _EXTENSION = 2
 _EXTENDED = 8
 _SHARED_CORNERS, _SHARED_INNER = 8, 4
-_OPTIONS = BatchOptions(max_steps=20_000, stop_at_escape=True)
+_OPTIONS = BatchOptions(rtol=1e-5, atol=1e-7, max_steps=20_000, stop_at_escape=True)  # what counts is run again
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,11 @@ def falsify(
     """
     if budget < 1 or seed < 0 or not 0.0 < horizon < math.inf or tolerance <= 0:
         raise InputError("the search needs budget >= 1, seed >= 0, a horizon > 0 and a tolerance > 0")
-    numbers = [agent.id for agent in plant.agents] if agents is None else list(agents)
+    known = [agent.id for agent in plant.agents]
+    numbers = known if agents is None else sorted(set(agents))
+    missing = [number for number in numbers if number not in known]
+    if missing or not numbers:
+        raise InputError(f"there is no agent {missing[0]}" if missing else "the search needs an agent")
     say = progress or (lambda message: None)
     generator = np.random.default_rng(seed)
     shared = shared_points(plant, generator, _SHARED_CORNERS, _SHARED_INNER)
@@ -193,7 +197,7 @@ class Search:
         self.options = replace(_OPTIONS, compiled=compiled)
         self.bounds = tuple(bound for bound in bounds if bound.agent == loop.agent.id)
         self.frame = windows(loop.plant, horizon)
-        early = np.linspace(0.0, horizon, 401) if self.bounds else np.zeros(0)
+        early = np.linspace(0.0, self.frame.times[0], 201) if self.bounds else np.zeros(0)
         self.times = np.union1d(early, self.frame.times)
         self.tried = Tried(loop.agent.id, 0, 0, 0, 0.0, 0.0)
         self.margin = math.inf

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -205,7 +205,7 @@ def test_the_unsaturated_zone_is_not_stepped_over(examples: Path, delta: int, co
 def test_feedback_without_saturation_is_not_compiled(five_agents: Plant, good: Controller) -> None:
     equations = agent_loop(five_agents, good, 1).equations
     with pytest.raises(ValueError, match="unpack"):
-        stage_sources(dataclasses.replace(equations, u=sympy.Integer(0)))
+        stage_sources(replace(equations, u=sympy.Integer(0)))
 
 
 # --- what stands on it ------------------------------------------------------------------------------------------------
@@ -216,6 +216,8 @@ def test_cross_check_counts_and_finds(five_agents: Plant, good: Controller) -> N
     passed = cross_check(plant, good, count=6, budget_seconds=120)
     assert (passed.count, passed.failed, passed.broken) == (30, 0, None)
     assert 0.9 < passed.worst_margin < 1 and "30 trajectories" in passed.reason
+    divided = cross_check(plant, good, count=6, budget_seconds=120, workers=2)
+    assert replace(divided, seconds=0.0, reason="") == replace(passed, seconds=0.0, reason="")
     broken = cross_check(plant, with_gains(good, g=2, K=10, h=50), count=60, budget_seconds=120)
     assert broken.broken is not None and broken.worst_margin < 0
     hurried = cross_check(plant, good, count=100_000, budget_seconds=1e-6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 from certify.coordinator.envelope import Envelope
 from reports.certificate_view import CertifiedGains, certified_gains
@@ -16,11 +17,12 @@ from reports.region_bounds import signal_bounds
 from reports.study import Study, conclusion
 from sims.closed_loop import simulate
 from sims.cross_check import cross_check
+from sims.executors import processors
 from sims.scenario import random_scenario
 
 SEED = 0
 RUNS = 4
-SEARCHED = 60  # trajectories per agent
+SEARCHED = 2000  # trajectories per agent
 
 
 def with_region(study: Study, steps: Steps) -> Study:
@@ -62,8 +64,11 @@ def with_runs(study: Study, steps: Steps) -> Study:
     return replace(study, runs=runs, seed=SEED)
 
 
-def with_search(study: Study, steps: Steps) -> Study:
-    """Random trajectories that might break the claim or leave the region, as many as the time allows."""
+def with_search(study: Study, steps: Steps, scheduler: str | None = None) -> Study:
+    """Random trajectories that might break the claim or leave the region, as many as the time allows.
+
+    On the workers of a Dask ``scheduler``; else compiled where the extra ``fast`` is installed, in processes if not.
+    """
     certified = certified_gains(study.found_certificate)
     if certified is None or not conclusion(study).verified:
         steps.note("falsify", "left out: there is no verified certificate")
@@ -72,6 +77,7 @@ def with_search(study: Study, steps: Steps) -> Study:
         steps.note("falsify", "left out: no integrator in floats follows gains this large")
         return study
     bounds = () if study.region is None else signal_bounds(study.region)
+    compiled = scheduler is None and find_spec("numba") is not None
     with steps.step("falsify") as report:
         controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")
         found = cross_check(
@@ -81,6 +87,9 @@ def with_search(study: Study, steps: Steps) -> Study:
             budget_seconds=SECONDS,
             seed=SEED,
             bounds=bounds,
+            compiled=compiled,
+            workers=1 if compiled else processors(),
+            scheduler=scheduler,
             progress=report.progress,
         )
         report(found.reason if found.broken else sentence(found, len(study.plant.agents)))
