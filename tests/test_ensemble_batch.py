@@ -17,7 +17,6 @@ from sims.agent_loop import AgentLoop, agent_loop, upper_layer
 from sims.batch import ABANDONED, COMPLETED, ESCAPED, BatchOptions, BatchSolution
 from sims.critical_gains import critical_h, critical_K
 from sims.cross_check import cross_check
-from sims.region import CONVERGES, ESCAPES, coverage, plot_region, region_slice, wilson
 from sims.sampled_controller import SampledController, run_sampled
 from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
 from sims.stage_code import numpy_functions, stage_sources
@@ -242,33 +241,6 @@ def test_critical_gains_refuse_an_empty_range(five_agents: Plant, good: Controll
         critical_K(five_agents, good, 1, Fraction(10), Fraction(5))
     survives = critical_K(at_the_centre(five_agents), good, 1, Fraction(100), Fraction(200), budget=1)
     assert survives.falsified is None and survives.surviving == 100 and survives.witness is None
-
-
-def test_region_of_attraction_slice(five_agents: Plant, good: Controller) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    weak = with_gains(good, g=2, K=60, h=200)
-    found = region_slice(five_agents, weak, 1, ("z1", "x2"), ((-100, 100), (-100, 100)), points=5, vertices=2)
-    assert found.fates.shape == (5, 5) and found.fates[2, 2] == CONVERGES and (found.fates == ESCAPES).any()
-    part = coverage(found)
-    assert 0 < part.low < part.fraction < part.high < 1
-    _, ax = plt.subplots()
-    assert plot_region(found, ax) is ax
-    assert ax.get_xlabel() == "$z_{1}(0)$" and ax.get_ylabel() == "$x_{2}(0)$"
-    assert {text.get_text() for text in ax.get_legend().get_texts()} >= {"converges", "escapes", "certified box"}
-    plt.close("all")
-    with pytest.raises(InputError, match="agent 1 has no plant state x3; it has z1, x1, x2"):
-        region_slice(five_agents, weak, 1, ("z1", "x3"), ((-1, 1), (-1, 1)))
-
-
-def test_wilson_interval() -> None:
-    assert wilson(0, 0) == (0.0, 1.0)
-    low, high = wilson(5, 10)
-    assert (low, high) == (pytest.approx(0.2366, abs=1e-4), pytest.approx(0.7634, abs=1e-4))
-    assert wilson(0, 10)[0] == pytest.approx(0, abs=1e-12) and wilson(10, 10)[1] == pytest.approx(1, abs=1e-12)
 
 
 def test_sampled_controller_tends_to_the_continuous_one(five_agents: Plant, good: Controller) -> None:

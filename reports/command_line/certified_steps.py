@@ -18,11 +18,14 @@ from reports.study import Study, conclusion
 from sims.closed_loop import simulate
 from sims.cross_check import cross_check
 from sims.executors import processors
+from sims.region import region_slices
 from sims.scenario import random_scenario
 
 SEED = 0
 RUNS = 4
 SEARCHED = 2000  # trajectories per agent
+SLICED, SLICED_SLOWLY = 6, 3  # agents, with and without the compiled integrator
+POINTS = 19
 
 
 def with_region(study: Study, steps: Steps) -> Study:
@@ -64,6 +67,34 @@ def with_runs(study: Study, steps: Steps) -> Study:
     return replace(study, runs=runs, seed=SEED)
 
 
+def with_slices(study: Study, steps: Steps, scheduler: str | None = None) -> Study:
+    """The simulated region of attraction of the first agents, on planes through the middle of their boxes.
+
+    Where it runs is chosen as for :func:`with_search`.
+    """
+    certified = certified_gains(study.found_certificate)
+    if certified is None or certified.too_large or not conclusion(study).verified:
+        return study
+    compiled = _compiled(scheduler)
+    agents = [agent.id for agent in study.plant.agents][: SLICED if compiled else SLICED_SLOWLY]
+    with steps.step("attraction") as report:
+        controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")
+        found = region_slices(
+            study.plant,
+            controller,
+            agents,
+            points=POINTS,
+            horizon=HORIZON,
+            seed=SEED,
+            compiled=compiled,
+            workers=1 if compiled else processors(),
+            scheduler=scheduler,
+        )
+        starts = sum(part.fates.size for part in found)
+        report(f"{starts} starts on {len(found)} planes" if found else "no agent has two plant states")
+    return replace(study, slices=found)
+
+
 def with_search(study: Study, steps: Steps, scheduler: str | None = None) -> Study:
     """Random trajectories that might break the claim or leave the region, as many as the time allows.
 
@@ -77,7 +108,7 @@ def with_search(study: Study, steps: Steps, scheduler: str | None = None) -> Stu
         steps.note("falsify", "left out: no integrator in floats follows gains this large")
         return study
     bounds = () if study.region is None else signal_bounds(study.region)
-    compiled = scheduler is None and find_spec("numba") is not None
+    compiled = _compiled(scheduler)
     with steps.step("falsify") as report:
         controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")
         found = cross_check(
@@ -94,6 +125,10 @@ def with_search(study: Study, steps: Steps, scheduler: str | None = None) -> Stu
         )
         report(found.reason if found.broken else sentence(found, len(study.plant.agents)))
     return replace(study, search=found, seed=SEED)
+
+
+def _compiled(scheduler: str | None) -> bool:
+    return scheduler is None and find_spec("numba") is not None
 
 
 def _envelope(study: Study, certified: CertifiedGains) -> Envelope | str:

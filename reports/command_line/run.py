@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from reports.study import Study
 
 CERTIFICATE, REPORT, SUMMARY, WITNESS = "certificate.json", "report.pdf", "summary.json", "witness.json"
+PICTURE = "region.svg"
 
 
 def command(
@@ -50,8 +51,10 @@ def command(
 def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps, scheduler: str | None = None) -> Study:
     """All steps up to the report; what a failed assumption makes pointless is left out."""
     from certify.certificate import write_certificate
+    from reports.attraction import attraction_figure
     from reports.command_line import study_steps as step
-    from reports.command_line.certified_steps import with_region, with_runs, with_search
+    from reports.command_line.certified_steps import with_region, with_runs, with_search, with_slices
+    from reports.figures import svg
 
     file = folder / CERTIFICATE
     study = step.with_check(study, steps)
@@ -65,6 +68,11 @@ def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps, s
         study = step.with_certificate(study, certificate, plant, file, steps)
     study = step.with_simulation(study, steps)
     study = with_runs(with_region(study, steps), steps)
+    study = with_slices(study, steps, scheduler)
+    if study.slices:
+        write_atomically(folder / PICTURE, svg(attraction_figure(study.slices)).encode())
+    else:
+        (folder / PICTURE).unlink(missing_ok=True)
     study = with_search(study, steps, scheduler)
     witness = None if study.search is None else study.search.broken
     if witness is None:
