@@ -74,9 +74,9 @@ def integrate_batch(
     ``parameters`` has shape ``(w, batch)``; ``member`` says which signals each trajectory sees.
     """
     members = np.asarray(member, dtype=np.intp)
-    run = _Run(sources, plant_states, signals, members, start, parameters, end, times, options)
     if options.compiled:
-        return _compiled(run, signals, start, parameters, end, times, options)
+        return _compiled(sources, plant_states, signals, members, start, parameters, end, times, options)
+    run = _Run(sources, plant_states, signals, members, start, parameters, end, times, options)
     with np.errstate(all="ignore"):
         run.begin()
         while run.ids.size:
@@ -85,16 +85,24 @@ def integrate_batch(
 
 
 def _compiled(
-    run: _Run, signals: SignalPool, start: Array, parameters: Array, end: float, times: Array, options: BatchOptions
+    sources: StageSources,
+    plant_states: int,
+    signals: SignalPool,
+    member: Indices,
+    start: Array,
+    parameters: Array,
+    end: float,
+    times: Array,
+    options: BatchOptions,
 ) -> BatchSolution:
     try:
         from sims.compiled import integrate_compiled
     except ModuleNotFoundError as error:
         raise InputError("the compiled integrator needs numba: pip install 'consensus-certify[fast]'") from error
     limits = (options.rtol, options.atol, options.escape_radius, options.max_steps)
-    weights, member = (run.weights, run.input_weights), run.inputs.member
+    weights = _argument_weights(sources, numpy_functions(sources)["argument"])
     samples, counts, results = integrate_compiled(
-        run.sources, weights, run.plant, signals, member, start, parameters, end, times, limits
+        sources, weights, plant_states, signals, member, start, parameters, end, times, limits
     )
     return BatchSolution(
         samples=samples,
@@ -137,7 +145,7 @@ class _Run:
         )
         self.ids = np.arange(size)
         self.inputs = PoolReader(signals, member)
-        self.weights, self.input_weights = self._argument_weights()
+        self.weights, self.input_weights = _argument_weights(sources, self.code["argument"])
         self.q = np.ascontiguousarray(start, dtype=float)
         self.p = np.vstack([parameters.reshape(sources.parameters - 2, size), np.zeros((2, size))])
         self.t = np.zeros(size)
@@ -217,14 +225,6 @@ class _Run:
                 right += (rodas5p.D[i] * h) * ft
             code["solve"](lu, right)
         return [seen[i] for i in rodas5p.LAGRANGE_STAGES]
-
-    def _argument_weights(self) -> tuple[Array, Array]:
-        """``r = weights · q + input_weights · u``: the feedback is linear in the states and the reference."""
-        n, m = self.sources.states, self.sources.inputs
-        q, u = np.hstack([np.eye(n), np.zeros((n, m))]), np.hstack([np.zeros((m, n)), np.eye(m)])
-        out = np.empty((1, n + m))
-        self.code["argument"](q, u, out)
-        return out[0, :n].copy(), out[0, n:].copy()
 
     def _set_modes(self, mode: Array) -> None:
         self.p[-2] = mode == 0.0
@@ -313,6 +313,15 @@ class _Run:
             setattr(self, name, getattr(self, name)[keep])
         self.q = np.ascontiguousarray(self.q[:, keep])
         self.p = np.ascontiguousarray(self.p[:, keep])
+
+
+def _argument_weights(sources: StageSources, argument: Function) -> tuple[Array, Array]:
+    """``r = weights · q + input_weights · u``: the feedback is linear in the states and the reference."""
+    n, m = sources.states, sources.inputs
+    q, u = np.hstack([np.eye(n), np.zeros((n, m))]), np.hstack([np.zeros((m, n)), np.eye(m)])
+    out = np.empty((1, n + m))
+    argument(q, u, out)
+    return out[0, :n].copy(), out[0, n:].copy()
 
 
 def _combine(weights: Array, rows: Array) -> Array:

@@ -18,7 +18,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from sims import rodas5p
-from sims.lanes import OPTIONS, WIDTH, Lanes, Method, Problem, Result, Work, empty_lanes, empty_work, integrate_block
+from sims.lane_data import Lanes, Method, Problem, Result, Work, empty_lanes, empty_work
+from sims.lanes import OPTIONS, WIDTH, integrate_block
 from sims.signal_pool import Indices, SignalPool
 from sims.signals import Array
 from sims.stage_code import StageSources, load
@@ -111,8 +112,8 @@ def integrate_compiled(
 
     def block(low: int) -> None:
         degrees, inputs = signals.coefficients.shape[1:]
-        lanes = empty_lanes(sources.states, inputs, sources.parameters, degrees)
-        work = empty_work(sources.states, inputs, sources.entries)
+        lanes = empty_lanes(WIDTH, sources.states, inputs, sources.parameters, degrees)
+        work = empty_work(WIDTH, sources.states, inputs, sources.entries)
         loop(*functions, _METHOD, problem, result, lanes, work, low, min(low + width, size))
 
     with ThreadPoolExecutor(threads) as pool:

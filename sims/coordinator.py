@@ -101,7 +101,8 @@ def integrate_upper_layer(
         return np.concatenate([S @ q[:nv], -descent - exchange - alpha2 * zeta, exchange, -(L @ xi).ravel()])
 
     initial = np.concatenate([*map(np.array, start), np.eye(N).ravel()])
-    breaks, pieces = [0.0], []
+    breaks: list[float] = [0.0]
+    pieces: list[Array] = []
     status: Status = "completed"
     reason = ""
     with np.errstate(all="ignore"):

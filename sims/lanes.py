@@ -6,13 +6,14 @@ be negative, hence the loops over whole rows and the row views. numba counts ref
 its runtime is left out, hence no array is made here. A lane whose trajectory has ended takes the next one. Lanes never
 mix and no operation is reordered, so the bits of a trajectory depend on itself alone.
 
-Nothing here is annotated: numba infers the types.
+Nothing here is annotated: numba infers the types; ``sims.lane_data`` has them. All that is compiled stands in this one
+file, because numba looks at no other when it asks whether the machine code it kept is still that of the source.
 """
 # mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
@@ -23,130 +24,6 @@ _BISECTIONS = 50
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "boundscheck": False, "_nrt": False}
 _inlined = numba.njit(**OPTIONS)
 _pasted = numba.njit(inline="always", **OPTIONS)  # a call would push every array of every tuple
-
-
-class Method(NamedTuple):
-    """The coefficients of ``sims.rodas5p``, and ``lagrange``: from the signals at its ``lagrange_stages`` to powers."""
-
-    A: Any
-    C: Any
-    D: Any
-    H: Any
-    nodes: Any
-    gamma: float
-    lagrange: Any
-    lagrange_stages: Any
-
-
-class Problem(NamedTuple):
-    """One agent, its trajectories' starts ``(batch, states)`` and parameters, and the pool of signals."""
-
-    weights: Any
-    input_weights: Any
-    delta: float
-    entries: int
-    plant_states: int
-    starts: Any
-    coefficients: Any
-    first: Any
-    ends: Any
-    member: Any
-    q0: Any
-    parameters: Any
-    horizon: float
-    times: Any
-    rtol: float
-    atol: float
-    radius: float
-    max_steps: int
-
-
-class Result(NamedTuple):
-    """``samples (batch, states, times)``; ``counts``: status, steps; ``values``: end, peak, saturated and its last."""
-
-    samples: Any
-    counts: Any
-    values: Any
-
-
-class Lanes(NamedTuple):
-    """What the lanes hold: state, step, the piece of the signals they are in."""
-
-    q: Any
-    p: Any
-    t: Any
-    h: Any
-    end: Any
-    mode: Any
-    local: Any
-    start: Any
-    stop: Any
-    run: Any
-    piece: Any
-    sample: Any
-    tries: Any
-
-
-class Work(NamedTuple):
-    """Scratch of one step."""
-
-    K: Any
-    at: Any
-    new: Any
-    ft: Any
-    lu: Any
-    u: Any
-    du: Any
-    dense: Any
-    r: Any
-    seen: Any
-    error: Any
-    d: Any
-    h: Any
-    inverse: Any
-    since: Any
-    mean: Any
-
-
-def empty_lanes(n: int, m: int, parameters: int, degrees: int) -> Lanes:
-    """Lanes that hold no trajectory, for ``n`` states and ``m`` signals of ``degrees`` coefficients."""
-    return Lanes(
-        q=np.zeros(n * WIDTH),
-        p=np.zeros(parameters * WIDTH),
-        t=np.zeros(WIDTH),
-        h=np.ones(WIDTH),
-        end=np.ones(WIDTH),
-        mode=np.zeros(WIDTH),
-        local=np.zeros((degrees, m * WIDTH)),
-        start=np.zeros(WIDTH),
-        stop=np.full(WIDTH, np.inf),
-        run=np.full(WIDTH, -1, dtype=np.int64),
-        piece=np.zeros(WIDTH, dtype=np.int64),
-        sample=np.zeros(WIDTH, dtype=np.int64),
-        tries=np.zeros(WIDTH, dtype=np.int64),
-    )
-
-
-def empty_work(n: int, m: int, entries: int) -> Work:
-    """Scratch for ``n`` states, ``m`` signals and factors of ``entries`` numbers."""
-    return Work(
-        K=np.zeros((8, n * WIDTH)),
-        at=np.zeros(n * WIDTH),
-        new=np.zeros(n * WIDTH),
-        ft=np.zeros(n * WIDTH),
-        lu=np.zeros(entries * WIDTH),
-        u=np.zeros(m * WIDTH),
-        du=np.zeros(m * WIDTH),
-        dense=np.zeros((3, n * WIDTH)),
-        r=np.zeros((5, WIDTH)),
-        seen=np.zeros((6, WIDTH)),
-        error=np.zeros(WIDTH),
-        d=np.zeros(WIDTH),
-        h=np.zeros(n * WIDTH),
-        inverse=np.zeros(n * WIDTH),
-        since=np.zeros(m * WIDTH),
-        mean=np.full(n, 1.0 / n),
-    )
 
 
 @_inlined

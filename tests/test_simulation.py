@@ -6,7 +6,6 @@ import dataclasses
 import warnings
 from fractions import Fraction
 
-import matplotlib
 import numpy as np
 import pytest
 from closed_loops import controller_for, corner, with_gains
@@ -17,8 +16,6 @@ from symbolic.errors import InputError
 from symbolic.network import laplacian
 from symbolic.plant import Plant
 from symbolic.plant_file import parse_plant
-
-matplotlib.use("Agg")
 
 R = np.array([2.0, 4.0, 3.0, 1.0, 1.0]) / 11  # left null vector of the example's Laplacian
 

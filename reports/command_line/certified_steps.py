@@ -25,7 +25,7 @@ SEED = 0
 RUNS = 4
 SEARCHED = 2000  # trajectories per agent
 SLICED, SLICED_SLOWLY = 6, 3  # agents, with and without the compiled integrator
-POINTS = 19
+POINTS, POINTS_SLOWLY = 19, 13
 
 
 def with_region(study: Study, steps: Steps) -> Study:
@@ -83,7 +83,7 @@ def with_slices(study: Study, steps: Steps, scheduler: str | None = None) -> Stu
             study.plant,
             controller,
             agents,
-            points=POINTS,
+            points=POINTS if compiled else POINTS_SLOWLY,
             horizon=HORIZON,
             seed=SEED,
             compiled=compiled,
