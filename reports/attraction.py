@@ -15,7 +15,7 @@ from sims.region import RegionSlice, coverage
 from sims.region_plots import plot_region
 
 COLUMNS = 3
-PANEL = (2.2, 1.65)
+PANEL, WIDE = (2.2, 1.65), 3.0
 MARK = 6.0
 
 
@@ -38,7 +38,8 @@ def attraction_figure(slices: Sequence[RegionSlice]) -> Figure:
     columns = min(COLUMNS, len(slices))
     rows = -(-len(slices) // columns)
     with style():
-        figure = Figure(figsize=(PANEL[0] * columns, PANEL[1] * rows + 0.35), layout="constrained")
+        width = PANEL[0] if columns == COLUMNS else WIDE
+        figure = Figure(figsize=(width * columns, PANEL[1] * rows + 0.35), layout="constrained")
         panels = np.atleast_1d(figure.subplots(rows, columns)).ravel()
         looks: dict[str, Any] = {}
         for axes, found in zip(panels, slices, strict=False):

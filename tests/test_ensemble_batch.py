@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -228,11 +229,11 @@ def test_cross_check_counts_and_finds(five_agents: Plant, good: Controller) -> N
 @pytest.mark.slow
 def test_critical_gains_bracket(five_agents: Plant, good: Controller) -> None:
     base = with_gains(good, g=2, K=40, h=150)
-    wide = Fraction(1, 4)
-    found = critical_K(five_agents, base, 1, Fraction(10), Fraction(100), budget=64, accuracy=wide)
+    wide, options = Fraction(1, 4), {"budget": 64, "compiled": find_spec("numba") is not None}
+    found = critical_K(five_agents, base, 1, Fraction(10), Fraction(100), accuracy=wide, **options)
     assert found.falsified is not None and found.surviving is not None and found.witness is not None
     assert 25 < found.falsified < found.surviving <= found.falsified * (1 + wide) and found.surviving < 60
-    observer = critical_h(five_agents, base, 1, Fraction(20), Fraction(200), budget=64, accuracy=wide)
+    observer = critical_h(five_agents, base, 1, Fraction(20), Fraction(200), accuracy=wide, **options)
     assert observer.falsified is not None and 90 < observer.falsified < 150
 
 
