@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from certify.agent_model import AgentModel
-from certify.bounds.balls import Program, compile_expression
-from certify.tube.ranges import Range, enclose, floats, magnitude, meet, secant, symmetric, widen
+from certify.bounds.balls import compile_expression
+from certify.tube.ranges import FloatProgram, Range, floats, magnitude, meet, symmetric, widen
 from certify.tube.surroundings import Moment
 from symbolic.plant import COST_VARIABLE
 
@@ -35,8 +35,8 @@ class Increments:
         self.symbols = (*agent.zero_states, *agent.chain, COST_VARIABLE, *model.exosystem.states, *agent.parameters)
         self.parameters = [floats(side) for side in agent.parameter_box]
         self.optimum = floats(model.optimum)
-        self.f1 = compile_expression(agent.f, self.symbols)
-        self.f0 = [compile_expression(f0, self.symbols) for f0 in agent.zero_dynamics]
+        self.f1 = FloatProgram(compile_expression(agent.f, self.symbols))
+        self.f0 = [FloatProgram(compile_expression(f0, self.symbols)) for f0 in agent.zero_dynamics]
         self.b = floats(model.input_gain)
 
     def slopes(self, z: np.ndarray, x: np.ndarray, moment: Moment, known: Ranges = ()) -> Slopes:
@@ -47,9 +47,9 @@ class Increments:
         moved = [*self.zero_ranges(z, moment, known), widen(moment.reference, x[0]), *map(symmetric, x[1:])]
         others = [self.optimum, *moment.v, *self.parameters]
 
-        def row(function: Program, count: int) -> tuple[Range, ...]:
+        def row(function: FloatProgram, count: int) -> tuple[Range, ...]:
             return tuple(
-                secant(function, [*moved[: k + 1], *rest[k + 1 :], *others], k, rest[k]) for k in range(count)
+                function.secant([*moved[: k + 1], *rest[k + 1 :], *others], k, rest[k]) for k in range(count)
             )
 
         return Slopes(tuple(row(f0, self.zeros + 1) for f0 in self.f0), row(self.f1, self.zeros + self.order))
@@ -62,7 +62,7 @@ class Increments:
     def zero_speed(self, k: int, zs: Sequence[Range], output: Range, moment: Moment) -> Range:
         """The range of ``z_k'`` over ranges of ``z`` and ``x_1``."""
         rest = [output] + [REST] * (self.order - 1)
-        return enclose(self.f0[k], [*zs, *rest, self.optimum, *moment.v, *self.parameters])
+        return self.f0[k].enclose([*zs, *rest, self.optimum, *moment.v, *self.parameters])
 
 
 def residuals(slopes: Slopes, f0: np.ndarray, f1: np.ndarray, zeros: int) -> tuple[np.ndarray, np.ndarray]:

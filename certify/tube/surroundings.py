@@ -15,7 +15,7 @@ import sympy
 from certify.agent_model import AgentModel
 from certify.bounds.balls import compile_expression
 from certify.coordinator.envelope import AgentEnvelope, Envelope
-from certify.tube.ranges import Range, enclose, floats, hull, magnitude, meet, widen
+from certify.tube.ranges import FloatProgram, Range, floats, hull, magnitude, meet, widen
 from symbolic.plant import COST_VARIABLE, Interval
 
 PARTS = {0: 1, 1: 8, 2: 4}
@@ -131,10 +131,10 @@ class _SteadyRange:
     def __init__(self, model: AgentModel) -> None:
         self.model = model
         symbols = (COST_VARIABLE, *model.exosystem.states, *model.agent.parameters)
-        self.programs = [compile_expression(component, symbols) for component in model.steady_state]
+        self.programs = [FloatProgram(compile_expression(component, symbols)) for component in model.steady_state]
         self.parts = self._parts(PARTS, MANY_PARTS)
         self.slopes = [
-            [compile_expression(sympy.diff(component, v), symbols) for v in model.exosystem.states]
+            [FloatProgram(compile_expression(sympy.diff(component, v), symbols)) for v in model.exosystem.states]
             for component in model.steady_state
         ]
         self.extent = np.array([[float(entry) for entry in row] for row in model.extent])
@@ -142,7 +142,7 @@ class _SteadyRange:
 
     def __call__(self, optimum: Range, v: tuple[Range, ...]) -> tuple[Range, ...]:
         return tuple(
-            reduce(hull, (enclose(program, [optimum, *v, *parameters]) for parameters in self.parts))
+            reduce(hull, (program.enclose([optimum, *v, *parameters]) for parameters in self.parts))
             for program in self.programs
         )
 
@@ -157,9 +157,9 @@ class _SteadyRange:
         return self._later[v]
 
     def _around(self, k: int, optimum: Range, v: tuple[Range, ...], parameters: tuple[Range, ...]) -> Range:
-        whole = enclose(self.programs[k], [optimum, *v, *parameters])
-        middle = enclose(self.programs[k], [optimum, *[(0.0, 0.0)] * len(v), *parameters])
-        g = np.array([magnitude(enclose(slope, [optimum, *v, *parameters])) for slope in self.slopes[k]])
+        whole = self.programs[k].enclose([optimum, *v, *parameters])
+        middle = self.programs[k].enclose([optimum, *[(0.0, 0.0)] * len(v), *parameters])
+        g = np.array([magnitude(slope.enclose([optimum, *v, *parameters])) for slope in self.slopes[k]])
         return meet(whole, widen(middle, float(np.sqrt(g @ np.abs(self.extent) @ g)) if len(g) else 0.0))
 
     def _parts(self, counts: dict[int, int], many: int) -> list[tuple[Range, ...]]:

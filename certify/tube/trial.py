@@ -22,9 +22,10 @@ from certify.tube.supersolution import Comparison, Feedback, Tube, TubeFailure, 
 from certify.tube.surroundings import Surroundings
 
 NOMINAL_BITS = 8
-DELTA_MARGIN = 1.05
+DELTA_MARGIN = 1.12
 DELTA_GROWTH = 1.4
 NEARLY = 0.6
+FAR = 3.0
 DELTA_ROUNDS = 16
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
@@ -60,6 +61,7 @@ class AgentTrials:
         self.increments = Increments(model)
         self.initial: InitialMagnitudes = initial_magnitudes(model, self.surroundings)
         self.nominal = _nominal(self.increments, self.surroundings)
+        self.levels: dict[Fraction, float] = {}
         self.observer: ObserverDecay | None = None
         if model.order > 1:
             self.observer = observer_decay(observer_matrix(model.observer))
@@ -75,19 +77,25 @@ class AgentTrials:
         if not np.all(np.isfinite(majorants.coefficients)):
             return TrialFailure(gains, "the kernels of the nominal loop could not be bounded")
         K, furthest = float(gains.K), float(gains.K) * float(self._theta(gains) @ self.initial.x)
-        level, reason = FIRST_LEVEL * furthest if delta is None else float(delta), ""
+        level = self._first_level(gains, furthest) if delta is None else float(delta)
+        reason, latest = "", -1.0
         for _ in range(DELTA_ROUNDS):
             bound = _short_up(level) if delta is None else delta
             reached = self._reach(comparison, gains, float(bound))
             if isinstance(reached, Stuck):
                 reason, needed = reached.reason, max(level * DELTA_GROWTH, NEARLY * K * reached.vartheta)
             else:
-                result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration)
+                highest = FAR * float(bound) / K
+                result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, highest)
                 if isinstance(result, TubeFailure):
                     reason, needed = f"at t = {result.time:.4g}: {result.reason}", level * DELTA_GROWTH
+                    if result.time <= latest:
+                        break
+                    latest = result.time
                 else:
                     needed = K * float(result.peak[comparison.plant]) * (1 + 1e-9)
                     if needed <= float(bound):
+                        self.levels[gains.g] = float(bound) / furthest
                         return Trial(gains, bound, self.nominal, found, majorants, reached, result)
                     reason = f"the saturation level {level:.4g} is reached: the tube needs {needed:.4g}"
                     needed *= DELTA_MARGIN
@@ -95,6 +103,10 @@ class AgentTrials:
             if delta is not None or level > LARGEST_LEVEL * furthest:
                 break
         return TrialFailure(gains, reason)
+
+    def _first_level(self, gains: LoopGains, furthest: float) -> float:
+        """Half of what passed with the same ``g`` before, in units of ``K`` times the largest ``|ϑ(0)|``."""
+        return furthest * max(FIRST_LEVEL, self.levels.get(gains.g, 0.0) / 2)
 
     def _feedback(self, gains: LoopGains) -> Feedback:
         zeros = self.increments.zeros
@@ -120,7 +132,7 @@ class AgentTrials:
             float(self.nominal.b),
             error,
         )
-        return phase.run(lambda start: float(comparison.start(start)[comparison.plant].sum()), time_constant)
+        return phase.run(comparison.highest, time_constant)
 
     def _theta(self, gains: LoopGains) -> np.ndarray:
         """``ϑ = θ x̄``."""

@@ -75,8 +75,6 @@ def _order(name: str, witness: DirectAgentWitness) -> None:
     require(phase.grid[0] == 0 and _increases(phase.grid), f"{name}: phase 1: 0 = t_0 < t_1 < …")
     require(grid[0] == phase.grid[-1], f"{name}: t_0 = T1", t_0=grid[0], T1=phase.grid[-1])
     require(_increases(grid), f"{name}: t_0 < t_1 < …")
-    least = min(entry for columns in witness.kernels for column in columns for entry in column)
-    require(least >= 0, f"{name}: kernels ≥ 0", least=least)
     least = min(entry for box in (*witness.boxes, witness.tail.box, *phase.boxes, phase.vartheta) for entry in box)
     require(least >= 0, f"{name}: boxes ≥ 0", least=least)
     require(all(lo <= hi for step in witness.ranges for lo, hi in step), f"{name}: ranges: lo ≤ hi")
