@@ -305,7 +305,7 @@ def produce(tiny: Tiny) -> Json:
     rho = min(float(RATE) / 2, rates[0]) * 0.8
     box, Y = p.sum(axis=1) * 1.5, 3 * reach(float(grid[-1]))
     for _ in range(200):
-        needed = np.maximum(p, push(box, Y) / (rates - rho)[None, :]).sum(axis=1)
+        needed = (p + push(box, Y) / (rates - rho)[None, :]).sum(axis=1)
         if (needed <= box).all():
             break
         box = needed * 1.01
@@ -337,8 +337,8 @@ def wider(width: float, length: float, x1: float) -> float:
 
 
 def first_phase(tiny: Tiny, Y: float) -> tuple[Json, Array, list[float]]:
-    """The witness, magnitudes of ``Y`` at ``T1``, and ranges of ``z``; one bound of the reference for the whole phase."""
-    n, nz, s, error = tiny.n, tiny.nz, len(tiny.ell), Error(tiny)
+    """The witness, magnitudes of ``Y`` at ``T1``, and ranges of ``z``; ``Y`` bounds the reference all along."""
+    n, nz, error = tiny.n, tiny.nz, Error(tiny)
     theta, N = thetas(tiny), np.abs(np.array(tiny.claim["N"], dtype=float))
     low, high = 1 - tiny.b_radius, 1 + tiny.b_radius
     z, x, eta = np.split(np.array(tiny.start, dtype=float), [nz, nz + n])

@@ -18,7 +18,6 @@ from certify.checker.rules.loop import Loop
 from certify.checker.rules.surroundings import Outside, Surroundings
 from certify.checker.verdict import Rejected, Undecided, require, spend
 
-
 ZERO = arb(0)
 
 
