@@ -11,7 +11,7 @@ from certify.certificate import Json, expression, number, numbers, rows
 from certify.tube.trial import Trial
 from symbolic.controller import AgentController
 
-BOX_BITS = 16
+BOX_BITS = 22
 KERNEL_BITS = 24
 VARTHETA_BITS = 32
 

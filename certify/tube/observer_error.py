@@ -14,7 +14,7 @@ from certify.inequalities.matrices import to_float
 CELLS_PER_NORM = 4
 NEGLIGIBLE = 2.0**-64
 MOST_CELLS = 16_384
-MARGIN = 1.002
+MARGIN = 1.0005
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from certify.tube.observer_error import ObserverError
 from certify.tube.surroundings import Moment, Surroundings, steady_trajectory_range
 
 INFLATION = 1.05
-MARGIN = 1.002
+MARGIN = 1.0005
 ROUNDS = 30
 FIRST_STEP = 0.25
 GROWTH = 1.07

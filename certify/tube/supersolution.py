@@ -12,13 +12,14 @@ from certify.tube.kernels import Kernels
 from certify.tube.surroundings import Moment, Surroundings
 
 INFLATION = 1.01
-DRIVE_MARGIN = 1.01
-STEP_MARGIN = 1 + 1e-9
+DRIVE_MARGIN = 1.001
+STEP_MARGIN = 1e-3
 FIRST_STEP = 1.0
 LARGEST_STEP = 0.2
 BENT = 1.2
 SHRINK = 0.8
-SLACK = 1e-4
+SLACK = 2e-3
+TIGHT = 1.01
 GUESS = 0.01
 PROBES = 60
 SMALLEST_STEP_RATIO = 1e-2
@@ -100,9 +101,11 @@ class Comparison:
         kept = np.exp(-self.kernels.rates * length)
         following = kept * p + (1 - kept) * level
         rise = np.maximum(following - p, 0)
-        bend = np.minimum(rise, (self.kernels.rates * length) ** 2 / 8 * np.maximum(level - p, 0))
+        curvature = (self.kernels.rates * length) ** 2 / 8
+        bend = np.minimum(rise, curvature * np.maximum(level - p, 0))
         chord = np.maximum(p.sum(axis=1), following.sum(axis=1)) + bend.sum(axis=1)
-        return following, np.minimum(p.sum(axis=1) + rise.sum(axis=1), chord) * STEP_MARGIN
+        loose = (np.minimum(curvature, 1) * (np.abs(p) + np.abs(level))).sum(axis=1)
+        return following, np.minimum(p.sum(axis=1) + rise.sum(axis=1), chord) + STEP_MARGIN * loose
 
 
 def tube(
@@ -155,17 +158,24 @@ def _short(length: float) -> float:
 def _box(
     comparison: Comparison, p: np.ndarray, guess: np.ndarray, moment: Moment, known: Ranges, length: float
 ) -> tuple[np.ndarray, np.ndarray, Ranges, int] | None:
-    """The state, the box and the ranges after a step. What is reached from a box that holds is a box that holds."""
+    """The state, the box and the ranges after a step; a box that holds is tried once more as tight as it turned out."""
     box = np.maximum(p.sum(axis=1) * INFLATION, guess) + 1e-9
+    held = None
     for rounds in range(60):
         moved = move(comparison.increments, known, box, moment, length) if known else None
         ends, during = moved or ((), ())
         following, reached = comparison.step(p, box, moment, during, length)
         if np.all(reached <= box):
-            return following, np.minimum(reached * (1 + SLACK) + 1e-9, box), ends, rounds
-        box = np.maximum(box, reached * INFLATION)
-        if not np.all(np.isfinite(box)) or box.max() > LARGEST:
-            return None
+            if held is not None or np.all(reached * TIGHT >= box):
+                return following, box, ends, rounds
+            held = following, box, ends, rounds
+            box = np.minimum(reached * (1 + SLACK) + 1e-9, box)
+        elif held is not None:
+            return held
+        else:
+            box = np.maximum(box, reached * INFLATION)
+            if not np.all(np.isfinite(box)) or box.max() > LARGEST:
+                return None
     return None
 
 
