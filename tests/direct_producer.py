@@ -1,7 +1,7 @@
-"""Certificates of direct/1 for tiny plants of one agent, in floats; nothing is shared with the project's producer.
+"""Certificates of direct/2 for tiny plants of one agent, in floats; nothing is shared with the project's producer.
 
 The loop is written down in the original coordinates and transformed by numbers, the kernels are fitted to samples, and
-the forcing of every plant is bounded by hand.
+the slopes of every plant are bounded by hand.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from math import ceil, exp, floor
 from typing import Any
 
 import numpy as np
-from scipy.linalg import null_space
+from scipy.linalg import expm
 from scipy.optimize import linprog
 
 Json = dict[str, Any]
@@ -47,27 +47,36 @@ cost = "s^2/2"
 
 @dataclass(frozen=True)
 class Tiny:
-    """One agent with ``s* = 0``; ``increments(z, x, Y)`` bounds ``q_1 … q_nz`` and what is in ``q_f`` without ``b``."""
+    """One agent with ``s* = 0`` and ``b0 = 1``; ``z_size`` is above ``|z*|``.
+
+    ``slopes(|z|, x̂, Y)`` are ``[lo, hi]`` of the slopes of every ``f0`` in ``(z, x_1)`` and of ``f1`` in ``(z, x)``.
+    ``start`` are the magnitudes of ``z̄, x̄, η̄`` at 0.
+    """
 
     agent: str
     n: int
     claim: Json
-    increments: Callable[[Array, Array, float], list[float]]
+    slopes: Callable[[Array, Array, float], tuple[Any, Any]]
+    start: tuple[float, ...]
     x0: Fraction = Fraction(1)
     y0: Fraction = Fraction(1, 2)
     nz: int = 0
+    z_size: float = 0.0
     exosystem: str = ""
     steady_state: tuple[str, ...] = ()
     ell: tuple[int, ...] = ()
     f0: tuple[tuple[int, ...], ...] = ()
-    f1: tuple[int, ...] = ()
     b_radius: float = 0.0
-    start: tuple[float, ...] = ()
-    f1_whole: Callable[[Array, Array, float], float] = lambda z, x, Y: 0.0
     T1: Fraction = Fraction(0)
     steps: int = 0
+    ranges: int = 0
     measured: bool = False
     grid_end: float = 21.0
+
+    @property
+    def f1(self) -> tuple[int, ...]:
+        """The nominal slopes: 1 in ``z``, 0 in ``x``."""
+        return (1,) * self.nz + (0,) * self.n
 
     @property
     def toml(self) -> bytes:
@@ -78,32 +87,50 @@ class Tiny:
 def first_order() -> Tiny:
     claim = {"g": 1, "K": 6, "delta": 12, "h": None, "gamma": [], "observer": [], "M": [], "N": [], "psi": []}
     agent = 'order = 1\nf = "p*x1 + x1^3/10"\nb = "1 + q"\nuncertain = { p = [-0.1, 0.1], q = [-0.1, 0.1] }'
-    return Tiny(agent, 1, claim,
-                lambda z, x, Y: [(0.1 + 0.3 * (x[0] + Y) ** 2) * (x[0] + Y)], f1=(0,), b_radius=0.1, start=(1.5,))
+    return Tiny(agent, 1, claim, lambda z, x, Y: ([], [[-0.1, 0.1 + (x[0] + Y) ** 2 / 10]]), (1.5,), b_radius=0.1)
+
+
+def saturated() -> Tiny:
+    """The same with an input that is too small at first."""
+    tiny = first_order()
+    return replace(tiny, claim={**tiny.claim, "delta": 5}, T1=Fraction(1, 2), steps=16)
 
 
 def slow() -> Tiny:
     """A loop that is slower than the coordinator's tail."""
     claim = {"g": 1, "K": 0.25, "delta": 12, "h": None, "gamma": [], "observer": [], "M": [], "N": [], "psi": []}
-    return Tiny('order = 1\nf = "x1^3/1000"\nb = 1', 1, claim, lambda z, x, Y: [0.003 * (x[0] + Y) ** 3], f1=(0,),
-                start=(1.5,))
+    return Tiny('order = 1\nf = "x1^3/1000"\nb = 1', 1, claim,
+                lambda z, x, Y: ([], [[0, (x[0] + Y) ** 2 / 1000]]), (1.5,))
 
 
 def second_order() -> Tiny:
     """With a first phase: the observer starts at 0, and so its error at ``h|x_1|``."""
     claim = {"g": 1, "K": 8, "delta": 40, "h": 256, "gamma": [1], "observer": [2, 3], "M": [], "N": [], "psi": []}
 
-    def part(z: Array, x: Array, Y: float) -> float:
-        return float((0.1 + (x[0] + Y) / 10) * x[1])
+    def slopes(z: Array, x: Array, Y: float) -> tuple[Any, Any]:
+        size = 0.1 + (x[0] + Y) / 10
+        return [], [[0, 0], [-size, size]]
 
-    return Tiny('order = 2\nf = "p*x2 + x1*x2/10"\nb = 1\nuncertain = { p = [-0.1, 0.1] }', 2, claim,
-                lambda z, x, Y: [part(z, x, Y)], x0=Fraction(1, 4), y0=Fraction(1, 4), f1=(0, 0), start=(0.5, 0.25),
-                f1_whole=part, T1=Fraction(1, 20), steps=20)
+    return Tiny('order = 2\nf = "p*x2 + x1*x2/10"\nb = 1\nuncertain = { p = [-0.1, 0.1] }', 2, claim, slopes,
+                (0.5, 0.25), x0=Fraction(1, 4), y0=Fraction(1, 4), T1=Fraction(1, 20), steps=24)
 
 
 def measured() -> Tiny:
     """The same without a first phase: the observer starts at the measured output."""
-    return replace(second_order(), T1=Fraction(0), steps=0, measured=True, x0=Fraction(1, 4))
+    return replace(second_order(), T1=Fraction(0), steps=0, measured=True)
+
+
+def third_order() -> Tiny:
+    """``θ = (1, 2, 1)``, and an uncertain input gain."""
+    claim = {"g": 1, "K": 4, "delta": 30, "h": 256, "gamma": [1, 2], "observer": [1, 3, 3], "M": [], "N": [], "psi": []}
+
+    def slopes(z: Array, x: Array, Y: float) -> tuple[Any, Any]:
+        size = (x[0] + Y) / 10
+        return [], [[0, 0], [-size, size], [-0.1, 0.1]]
+
+    return Tiny('order = 3\nf = "p*x3 + x1*x2/10"\nb = "1 + q"\n'
+                'uncertain = { p = [-0.1, 0.1], q = [-0.05, 0.05] }', 3, claim, slopes, (0.375, 0.125, 0.125),
+                x0=Fraction(1, 8), y0=Fraction(1, 4), b_radius=0.05, T1=Fraction(1, 10), steps=40)
 
 
 def with_exosystem() -> Tiny:
@@ -114,8 +141,9 @@ def with_exosystem() -> Tiny:
     agent = 'order = 1\nzero_dynamics = { z1 = "-z1 + x1 + v1" }\nf = "z1 + v1 + z1*x1/10"\nb = 1'
     psi, F = np.array([[1.0, 3.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
     eta = np.abs(np.linalg.inv(np.vstack([psi, psi @ F])) @ np.array([0.5, -1.5]))
-    return Tiny(agent, 1, claim, lambda z, x, Y: [Y, (1 + z[0]) / 10 * (x[0] + Y)], nz=1, exosystem=exosystem,
-                steady_state=("s + (v1 - v2)/2",), ell=(-1, 0), f0=((-1, 1),), f1=(1, 0), start=(1.5, 1.5, *eta))
+    return Tiny(agent, 1, claim, lambda z, x, Y: ([[[-1, -1], [1, 1]]], [[1, 1], [-z[0] / 10, z[0] / 10]]),
+                (1.5, 1.5, *eta), nz=1, z_size=1.0, exosystem=exosystem, steady_state=("s + (v1 - v2)/2",),
+                ell=(-1, 0), f0=((-1, 1),), T1=Fraction(1, 16), steps=8, ranges=30)
 
 
 def text(value: float | Fraction) -> str:
@@ -158,8 +186,22 @@ def loop(tiny: Tiny) -> tuple[Array, Array, Array]:
     inverse = np.linalg.inv(S)
     A = S @ np.array(rows) @ inverse
     columns = [eye[k] for k in range(nz)] + [S @ eye[nz + n - 1], -eye[nz]]
-    outputs = [eye[k] @ inverse for k in range(nz + n)] + [theta @ inverse] + ([psi @ inverse] if s else [])
+    outputs = [eye[k] @ inverse for k in range(nz + n)] + [theta @ inverse, u @ inverse]
     return A, np.array(columns).T, np.array(outputs)
+
+
+def starts(tiny: Tiny, size: int) -> Array:
+    """``X`` from ``Y = (z̄, x̄_1 … x̄_(n−1), ϑ, ζ, e)``: the inverse of the definition of ``Y``."""
+    last = tiny.nz + tiny.n - 1
+    Y = np.eye(size)
+    Y[last, tiny.nz : last + 1] = thetas(tiny)
+    Y[last + 1 : last + 1 + len(tiny.ell), last] = -np.array(tiny.claim["N"], dtype=float)
+    return np.linalg.inv(Y)
+
+
+def thetas(tiny: Tiny) -> Array:
+    c = tiny.claim
+    return np.array([c["g"] ** (tiny.n - 1 - k) * gamma for k, gamma in enumerate([*c["gamma"], 1])], dtype=float)
 
 
 def modes(A: Array) -> tuple[Array, list[str], Array]:
@@ -206,6 +248,12 @@ def majorants(A: Array, outputs: Array, columns: Array, rates: Array, fastest: f
     return result
 
 
+def weighed(slopes: Any, shift: Any, sizes: Array) -> float:
+    """``Σ mag(D + shift)·size``"""
+    D = np.array(slopes, dtype=float).reshape(-1, 2)
+    return float(np.abs(D + np.array(shift, dtype=float)[:, None]).max(axis=1) @ sizes)
+
+
 def produce(tiny: Tiny) -> Json:
     """A certificate that should be verified."""
     c, n, nz, s = tiny.claim, tiny.n, tiny.nz, len(tiny.ell)
@@ -213,7 +261,7 @@ def produce(tiny: Tiny) -> Json:
     H, blocks, values = modes(A)
     decays = sorted(-values.real)
     rates = np.array([0.9 * decays[0], *(d for before, d in pairwise(decays) if d > 1.3 * before)])
-    columns = np.hstack([inputs, np.eye(len(A))])
+    columns = np.hstack([inputs, starts(tiny, len(A))])
     kernels = majorants(A, outputs, columns, rates, max(abs(values)), decays[0])
     y0, rate = float(tiny.y0), float(RATE)
 
@@ -221,18 +269,16 @@ def produce(tiny: Tiny) -> Json:
         """``|y^r − s*|`` and ``|ẏ^r|`` from the coordinator's step that holds ``t`` on."""
         return 1.001 * y0 * exp(-rate * float(STEP) * min(floor(t / float(STEP)), STEPS)) + 1e-9
 
-    X, P3, kappa = np.array(tiny.start, dtype=float), [], None
-    if n > 1:
-        P3, kappa = observer_norm(c)
-        X = np.concatenate([X, first_phase(tiny, X, P3, kappa, reach)])
-        X[: nz + n + s] = phase_end(tiny, X[: nz + n + s], reach)[0]
-    p = np.einsum("ila,l->ia", kernels[:, nz + 2 :, :], X) * 1.0001 + 1e-12
+    phase, start, widths = first_phase(tiny, reach(0.0))
+    p = np.einsum("ila,l->ia", kernels[:, nz + 2 :, :], start) * 1.0001 + 1e-12
 
     def push(box: Array, Y: float) -> Array:
         """``Σ_j c_ija q_j``"""
-        steering = c["K"] * box[nz + n] + (box[nz + n + 1] if s else 0.0)
-        q = tiny.increments(box[:nz], box[nz : nz + n], Y)
-        q[-1] += tiny.b_radius * steering
+        by_f0, by_f1 = tiny.slopes(tiny.z_size + box[:nz], box[nz : nz + n], Y)
+        q = [weighed(row, -np.array(f0), box[: nz + 1]) + np.abs(row[-1]).max() * Y
+             for row, f0 in zip(by_f0, tiny.f0, strict=True)]
+        q.append(weighed(by_f1, -np.array(tiny.f1), box[: nz + n]) + np.abs(by_f1[nz]).max() * Y)
+        q[-1] += tiny.b_radius * box[-1]
         return np.einsum("ija,j->ia", kernels[:, : nz + 2, :], np.array([*q, Y])) * 1.0001
 
     T1 = float(tiny.T1)
@@ -254,10 +300,12 @@ def produce(tiny: Tiny) -> Json:
         assert c["K"] * box[nz + n] <= c["delta"], (float(a), box)
         boxes.append(box * 1.001)
         p = e * p + (1 - e) * push(box * 1.001, Y) / rates
+        if len(widths) < tiny.ranges:
+            widths.append(wider(widths[-1], float(b - a), box[nz] * 1.001 + Y))
     rho = min(float(RATE) / 2, rates[0]) * 0.8
     box, Y = p.sum(axis=1) * 1.5, 3 * reach(float(grid[-1]))
     for _ in range(200):
-        needed = np.maximum(p, push(box, Y) / (rates - rho)[None, :]).sum(axis=1)
+        needed = (p + push(box, Y) / (rates - rho)[None, :]).sum(axis=1)
         if (needed <= box).all():
             break
         box = needed * 1.01
@@ -269,13 +317,11 @@ def produce(tiny: Tiny) -> Json:
         "modes": [[text(float(entry)) for entry in row] for row in H], "blocks": blocks,
         "rates": [text(float(mu)) for mu in rates],
         "kernels": [[[text(float(entry)) for entry in entries] for entries in row] for row in kernels],
-        "observer_norm": [[text(entry) for entry in row] for row in P3],
-        "observer_rate": None if kappa is None else text(kappa),
-        "phase1": {"duration": str(tiny.T1), "steps": str(tiny.steps)} if n > 1 else None,
+        "phase1": phase, "ranges": [[[text(-r), text(r)]] for r in widths],
         "grid": [text(t) for t in grid], "boxes": [[text(float(entry)) for entry in row] for row in boxes],
         "tail": {"box": [text(1.001 * float(entry)) for entry in box], "rate": text(float(rho))}}
     return {
-        "schema": "consensus-certificate/1", "theorem": "direct/1", "producer": {},
+        "schema": "consensus-certificate/1", "theorem": "direct/2", "producer": {},
         "claim": {"plant_sha256": hashlib.sha256(tiny.toml).hexdigest(), "alpha1": "1", "alpha2": "1",
                   "agents": [{"id": "1", **{key: texts(value) for key, value in c.items()}}]},
         "witness": {
@@ -285,44 +331,119 @@ def produce(tiny: Tiny) -> Json:
             "agents": [agent]}}
 
 
-def observer_norm(c: Json) -> tuple[list[list[Fraction]], Fraction]:
-    """``P3 = RᵀR`` for the real eigenvectors of ``E3ᵀ``, rounded, and 0.9 of the least decay."""
-    n = len(c["observer"])
-    E3 = np.eye(n, k=1)
-    E3[:, 0] -= np.array(c["observer"][::-1], dtype=float)
-    rows = [null_space(E3.T - value.real * np.eye(n))[:, 0] for value in np.linalg.eigvals(E3)]
-    P = sum(np.outer(row, row) for row in rows)
-    exact = [[Fraction(round((P[i][j] + P[j][i]) * 2**20), 2**21) for j in range(n)] for i in range(n)]
-    return exact, Fraction(floor(-0.9 * max(np.linalg.eigvals(E3).real) * 2**20), 2**20)
+def wider(width: float, length: float, x1: float) -> float:
+    """``|z| ≤ width`` after a step of ``z' = −z + x1 + v1``, ``|v1| ≤ 1``."""
+    return width + 1.01 * length * max(0.0, x1 + 1 - width) + 1e-6
 
 
-def phase_end(tiny: Tiny, X: Array, reach: Callable[[float], float]) -> tuple[Array, float]:
-    """Magnitudes of ``z̄, x̄, η̄`` at ``T1``, and a bound of ``|ẋ_n|`` before it (agents without ``z`` and ``η`` only)."""
-    acceleration, length = 0.0, float(tiny.T1) / max(tiny.steps, 1)
-    for k in range(tiny.steps):
-        Y = reach(k * length)
-        box = X.copy()
-        for _ in range(50):
-            fastest = tiny.f1_whole([], box, Y) + tiny.claim["delta"]
-            after = X + length * np.array([*box[1:] + np.array([Y] + [0.0] * (tiny.n - 2)), fastest])
-            if (after <= box).all():
+def first_phase(tiny: Tiny, Y: float) -> tuple[Json, Array, list[float]]:
+    """The witness, magnitudes of ``Y`` at ``T1``, and ranges of ``z``; ``Y`` bounds the reference all along."""
+    n, nz, error = tiny.n, tiny.nz, Error(tiny)
+    theta, N = thetas(tiny), np.abs(np.array(tiny.claim["N"], dtype=float))
+    low, high = 1 - tiny.b_radius, 1 + tiny.b_radius
+    z, x, eta = np.split(np.array(tiny.start, dtype=float), [nz, nz + n])
+    ball, zeta, fastest = float(theta @ x), eta + N * x[-1] / low, 0.0
+    grid = [tiny.T1 * k / max(tiny.steps, 1) for k in range(tiny.steps + 1)]
+    boxes, ends = [], []
+    widths: list[float] = []
+    for a, b in pairwise(grid):
+        length, box, end = float(b - a), np.array([*z, *x, ball, *zeta]), ball
+        for _ in range(500):
+            Bx, Bt = box[nz : nz + n], box[nz + n]
+            dz, F, P, dzeta = speeds(tiny, box, Y)
+            reached, epsilon, u = steered(tiny, error, float(a), fastest, F, Bt)
+            found = max(1e-6, ball + length * drawn(tiny, min(ball, end), P, epsilon))
+            settled = found <= end <= 1.001 * found + 1e-6
+            end = end if settled else found * 1.0002 + 1e-7
+            dx = np.append(Bx[1:], F + high * u)
+            if n > 1:
+                to_theta = Bt + theta[: n - 2] @ Bx[: n - 2] - theta[n - 2] * x[n - 2]
+                dx[n - 2] = min(dx[n - 2], max(0.0, to_theta))
+                dx[0] += Y
+            after = x + length * dx
+            during = np.append(after[:-1], min(after[-1], Bt + theta[:-1] @ Bx[:-1]))
+            needed = np.array([*(z + length * dz), *during, max(ball, end), *(zeta + length * dzeta)])
+            if settled and (needed * 1.0001 <= box).all():
                 break
-            box = X + (after - X) * 1.05
-        X, acceleration = X + (after - X) * 1.05, max(acceleration, fastest)
-    return X, acceleration * 1.02
+            box = np.maximum(needed * 1.0005 + 1e-8, box)
+        else:
+            raise AssertionError(f"no box at {float(a)}: {box}")
+        z, ball, zeta, fastest = (z + length * dz) * 1.0001, end, (zeta + length * dzeta) * 1.0001, reached * 1.0001
+        x = after * 1.0001
+        x[-1] = min(x[-1], ball + theta[:-1] @ x[:-1])
+        boxes.append(texts(box))
+        ends.append(text(ball))
+        if tiny.ranges:
+            widths.append(wider(widths[-1] if widths else 1.0, length, box[nz] + Y))
+    at_end = error.at(float(tiny.T1), fastest) if tiny.steps else error.start
+    start = np.array([*z, *x[:-1], ball, *(zeta + N * (1 / low - 1) * x[-1]), *at_end])
+    return {"grid": [str(t) for t in grid], "boxes": boxes, "vartheta": ends}, start * 1.0001, widths
 
 
-def first_phase(tiny: Tiny, X: Array, P3: Any, kappa: Fraction, reach: Callable[[float], float]) -> Array:
-    """Magnitudes of ``e`` at ``T1``."""
-    c, P = tiny.claim, np.array(P3, dtype=float)
-    x0 = [0.0 if tiny.measured else float(tiny.x0), *[float(tiny.x0)] * (tiny.n - 1)]
-    m = np.array([c["h"] ** (tiny.n - 1 - k) * x for k, x in enumerate(x0)])
-    if not tiny.steps:
-        return m
-    rate = float(kappa) * c["h"]
-    norm = exp(-rate * float(tiny.T1)) * np.sqrt(m @ np.abs(P) @ m)
-    norm += np.sqrt(P[-1, -1]) * phase_end(tiny, X, reach)[1] / rate
-    return np.sqrt(np.diag(np.linalg.inv(P))) * norm * 1.001
+def speeds(tiny: Tiny, box: Array, Y: float) -> tuple[Array, float, float, Array]:
+    """Bounds of ``|z̄'|``, ``|x̄_n' − bū|``, ``|ϑ' − bū|``, ``|ζ'|`` over a box of ``z̄, x̄, ϑ, ζ``."""
+    n, nz, s = tiny.n, tiny.nz, len(tiny.ell)
+    N, psi = (np.array(tiny.claim[key], dtype=float) for key in ("N", "psi"))
+    M, theta, states = np.array(tiny.claim["M"], dtype=float).reshape(s, s), thetas(tiny), box[: nz + n]
+    f0, f1 = tiny.slopes(tiny.z_size + box[:nz], states[nz:], Y)
+    low, high, own = 1 - tiny.b_radius, 1 + tiny.b_radius, Y if n == 1 else 0.0
+    outer, last = np.abs(f1[nz]).max() * Y, np.eye(nz + n)[-1]
+    rest, zeta = outer + high * np.abs(psi) @ box[nz + n + 1 :], np.abs(M) @ box[nz + n + 1 :]
+    chain = np.concatenate([np.zeros(nz + 1), theta[:-1]])
+    dz = [weighed(row, [0] * (nz + 1), box[: nz + 1]) + np.abs(row[-1]).max() * Y for row in f0]
+    by_f1 = [weighed(N[i] * np.array(f1, dtype=float), -(M @ N)[i] * last, states) + abs(N[i]) * (outer + own)
+             for i in range(s)]
+    return (np.array(dz), weighed(f1, psi @ N * last, states) + rest + own,
+            weighed(f1, psi @ N * last + chain, states) + rest + theta[0] * Y, zeta + np.array(by_f1) / low)
+
+
+def steered(tiny: Tiny, error: Error, t: float, fastest: float, F: float, theta: float) -> tuple[float, float, float]:
+    """``X2``, ``ε``, ``u``"""
+    u = delta = tiny.claim["delta"]
+    for _ in range(2):
+        reached = max(fastest, F + (1 + tiny.b_radius) * u)
+        epsilon = float(error.gain @ error.at(t, reached))
+        u = min(delta, tiny.claim["K"] * (theta + epsilon))
+    return reached, epsilon, u
+
+
+def drawn(tiny: Tiny, theta: float, P: float, epsilon: float) -> float:
+    """The rate of ``|ϑ|`` at this size."""
+    delta, argument = tiny.claim["delta"], tiny.claim["K"] * (theta - epsilon)
+    b = 1 - tiny.b_radius if argument > 0 else 1 + tiny.b_radius
+    return P - b * min(max(argument, -delta), delta)
+
+
+class Error:
+    """Bounds of the observer's error: sums over ``|e^(E3 jd)|``, to second order in ``d``."""
+
+    def __init__(self, tiny: Tiny) -> None:
+        c, n = tiny.claim, tiny.n
+        self.h, size = c["h"], n if n > 1 else 0
+        if not size:
+            self.gain = self.start = np.zeros(0)
+            return
+        scale = np.array([float(self.h) ** (n - 1 - k) for k in range(n)])
+        x0 = [0.0 if tiny.measured else float(tiny.x0), *[float(tiny.x0)] * (n - 1)]
+        self.gain, self.start = thetas(tiny) / scale, scale * np.array(x0)
+        E3 = np.eye(n, k=1)
+        E3[:, 0] -= np.array(c["observer"][::-1], dtype=float)
+        self.d = 2.0 ** floor(np.log2(1 / (4 * np.abs(E3).sum(axis=1).max())))
+        d, powers = self.d, [np.eye(n)]
+        while np.abs(powers[-1]).sum(axis=1).max() > 2.0**-64:
+            powers.append(powers[-1] @ expm(E3 * d))
+        later = expm(np.abs(E3) * d)
+        terms = [(np.abs(E), d * np.abs(E3 @ E), d**2 * np.abs(E3 @ E3 @ E) @ later) for E in powers[:-1]]
+        covers = np.array([a + b + c / 2 for a, b, c in terms])
+        self.bounds = np.maximum.accumulate(covers[::-1])[::-1]
+        self.area = d * sum(a + b / 2 + c / 6 for a, b, c in terms)[:, -1]
+
+    def at(self, t: float, fastest: float) -> Array:
+        if not self.start.size:
+            return self.start
+        j = floor(self.h * t / self.d * 0.9999)
+        free = self.bounds[j] @ self.start if j < len(self.bounds) else 1e-15 * self.start.sum()
+        return (free + self.area * fastest / self.h) * 1.0001
 
 
 def encode(certificate: Json) -> bytes:

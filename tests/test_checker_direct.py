@@ -1,4 +1,4 @@
-"""The rule for direct/1: tiny certificates that hold, and beside them one that fails for every obligation."""
+"""The rule for direct/2: tiny certificates that hold, and beside them one that fails for every obligation."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from direct_producer import Json, Tiny
 
 from certify.checker import Verdict, check
 
-MAKERS = {"first": producer.first_order, "slow": producer.slow, "second": producer.second_order,
-          "measured": producer.measured, "exosystem": producer.with_exosystem}
+MAKERS = {"first": producer.first_order, "saturated": producer.saturated, "slow": producer.slow,
+          "second": producer.second_order, "measured": producer.measured, "third": producer.third_order,
+          "exosystem": producer.with_exosystem}
 Change = Callable[[Json], object]
 
 
@@ -89,7 +90,13 @@ def test_wider_boxes_and_a_smaller_set_are_verified_too() -> None:
     assert judge("first", nothing, ("p = [-0.1, 0.1]", "p = [-0.05, 0.1]")).status == "verified"
 
 
-HALF, THOUSANDTH = Fraction(1, 2), Fraction(1, 1000)
+HALF, THOUSANDTH, SHORT = Fraction(1, 2), Fraction(1, 1000), Fraction(99, 100)
+
+
+def drop_first_phase(certificate: Json) -> None:
+    """As if the saturation were inactive from the start."""
+    put("phase1", {"grid": ["0"], "boxes": [], "vartheta": []})(certificate)
+    agent(certificate)["grid"][0] = "0"
 
 
 @pytest.mark.parametrize(("name", "change", "obligation"), [
@@ -97,14 +104,15 @@ HALF, THOUSANDTH = Fraction(1, 2), Fraction(1, 1000)
     ("first", put("rates", ["-1"]), "0 < μ_1"),
     ("second", lambda c: agent(c)["rates"].reverse(), "0 < μ_1"),
     ("second", lambda c: agent(c)["rates"].__setitem__(1, agent(c)["rates"][0]), "0 < μ_1"),
-    ("second", scale("kernels", -1, 0, 0, 0), "kernels ≥ 0"),
-    ("first", scale("kernels", -1), "kernels ≥ 0"),
+    ("second", scale("kernels", -1, 0, 0, 0), "kernels: |(C e^(At) J)_ij|"),
+    ("first", scale("kernels", -1), "kernels: |(C e^(At) J)_ij|"),
     ("second", scale("modes", 0, 1), "H is nonsingular"),
     ("second", lambda c: agent(c)["modes"].__setitem__(0, agent(c)["modes"][1]), "H is nonsingular"),
     ("second", scale("modes", Fraction(101, 100), 0, 0), "kernels"),
     ("first", scale("rates", Fraction(9, 8), 0), "kernels: μ_1 < σ − ε"),
     ("second", scale("rates", 3, 0), "kernels"),
-    ("first", put("nominal.b", "-1"), "kernels: μ_1 < σ − ε"),
+    ("first", put("nominal.b", "-1"), "nominal b > 0"),
+    ("first", put("nominal.b", "0"), "nominal b > 0"),
     ("first", put("nominal.b", "11/10"), "tube: step"),
     ("exosystem", put("nominal.f0", [["1", "1"]]), "kernels: μ_1 < σ − ε"),
     ("second", put("nominal.f1", ["0", "1"]), "kernels"),
@@ -115,29 +123,48 @@ HALF, THOUSANDTH = Fraction(1, 2), Fraction(1, 1000)
     ("second", claim("h", "1/2"), "h ≥ g"),
     ("second", claim("h", "257"), "kernels"),
     ("second", claim("delta", "0"), "g ≥ 1, K > 0, δ > 0"),
-    ("second", claim("delta", "1"), "K B_ϑ ≤ δ"),
-    ("second", claim("delta", "60"), "tube: step 1"),
+    ("second", claim("delta", "1"), "phase 1: step 11: ϑ^+"),
+    ("second", claim("delta", "60"), "phase 1: step 1: ϑ^+"),
     ("first", claim("delta", "1"), "tube: step 1: K B_ϑ ≤ δ"),
-    ("second", claim("observer", ["2", "4"]), "E3ᵀP3 + P3E3 + 2κP3 ⪯ 0"),
+    ("second", claim("observer", ["2", "4"]), "kernels"),
+    ("third", claim("gamma", ["-1", "2"]), "γ ≥ 0"),
     ("second", claim("gamma", ["2"]), "kernels"),
     ("exosystem", claim("psi", ["1", "4"]), "kernels"),
     ("exosystem", put("ell", ["-1", "1"]), "A5"),
     ("exosystem", put("steady_state", ["s + (v1 + v2)/2"]), "A3"),
-    ("second", scale("observer_norm", -1), "P3 ≻ 0"),
-    ("second", scale("observer_norm", 2, 0, 1), "P3 ≻ 0"),
-    ("second", scale("observer_rate", Fraction(3, 2)), "E3ᵀP3 + P3E3 + 2κP3 ⪯ 0"),
-    ("second", put("observer_rate", "0"), "κ > 0"),
-    ("second", put("observer_rate", "-1"), "κ > 0"),
-    ("second", scale("observer_rate", Fraction(1, 100)), "tube: step 1"),
-    ("second", put("phase1.duration", "-1/20"), "phase 1: T1 > 0"),
-    ("second", put("phase1.steps", "0"), "phase 1: T1 > 0"),
-    ("measured", put("phase1.steps", "3"), "phase 1: T1 > 0"),
-    ("second", put("phase1.duration", "1/10"), "t_0 = T1"),
-    ("measured", lambda c: (put("phase1.duration", "1/1000")(c), put("phase1.steps", "1")(c),
-                            agent(c)["grid"].__setitem__(0, "1/1000")), "tube: step 1"),
-    ("second", put("phase1.steps", "1"), "tube: step 1"),
+    ("second", lambda c: agent(c)["phase1"]["grid"].__setitem__(0, "-1"), "phase 1: 0 = t_0 < t_1"),
+    ("second", lambda c: agent(c)["phase1"]["grid"].__setitem__(0, "1/1000"), "phase 1: 0 = t_0 < t_1"),
+    ("second", lambda c: agent(c)["phase1"]["grid"].__setitem__(3, agent(c)["phase1"]["grid"][2]), "0 = t_0 < t_1"),
+    ("measured", put("phase1.grid", ["1"]), "phase 1: 0 = t_0 < t_1"),
+    ("second", lambda c: agent(c)["phase1"]["grid"].__setitem__(-1, "1/10"), "t_0 = T1"),
     ("second", lambda c: agent(c)["grid"].__setitem__(0, "0"), "t_0 = T1"),
     ("first", lambda c: agent(c)["grid"].__setitem__(0, "-1"), "t_0 = T1"),
+    ("second", scale("phase1.boxes", -1, 5, 1), "boxes ≥ 0"),
+    ("second", scale("phase1.vartheta", -1, 5), "boxes ≥ 0"),
+    ("second", scale("phase1.vartheta", SHORT, 0), "phase 1: step 1: ϑ^+ − ϑ ≥ Δ (P − b sat(K (ϑ − ε)))"),
+    ("saturated", scale("phase1.vartheta", SHORT, 15), "phase 1: step 16: ϑ^+ − ϑ ≥ Δ (P − b sat(K (ϑ − ε)))"),
+    ("third", scale("phase1.vartheta", SHORT, 30), "phase 1: step 31: ϑ^+ − ϑ ≥ Δ (P − b sat(K (ϑ − ε)))"),
+    ("saturated", scale("phase1.vartheta", Fraction(101, 100), 3), "phase 1: step 5: ϑ^+"),
+    ("exosystem", scale("phase1.boxes", SHORT, 0, 0), "phase 1: step 1: B_z ≥ z^+: i = 1"),
+    ("second", scale("phase1.boxes", SHORT, 7, 0), "phase 1: step 8: B_x ≥ x^+: i = 1"),
+    ("second", scale("phase1.boxes", SHORT, 7, 1), "phase 1: step 8: B_x ≥ x^+: i = 2"),
+    ("third", scale("phase1.boxes", SHORT, 7, 0), "phase 1: step 8: B_x ≥ x^+: i = 1"),
+    ("third", scale("phase1.boxes", SHORT, 7, 1), "phase 1: step 8: B_x ≥ x^+: i = 2"),
+    ("third", scale("phase1.boxes", SHORT, 7, 2), "phase 1: step 8: B_x ≥ x^+: i = 3"),
+    ("saturated", scale("phase1.boxes", SHORT, 3, 0), "phase 1: step 4: B_x ≥ x^+: i = 1"),
+    ("saturated", scale("phase1.boxes", SHORT, 3, 1), "phase 1: step 4: B_ϑ ≥ ϑ, ϑ^+"),
+    ("third", scale("phase1.boxes", SHORT, 2, 3), "phase 1: step 3: B_ϑ ≥ ϑ, ϑ^+"),
+    ("exosystem", scale("phase1.boxes", SHORT, 4, 3), "phase 1: step 5: B_ζ ≥ ζ^+: i = 1"),
+    ("exosystem", scale("phase1.boxes", SHORT, 4, 4), "phase 1: step 5: B_ζ ≥ ζ^+: i = 2"),
+    ("third", scale("phase1.boxes", 1000, 4), "phase 1: step 5"),
+    ("third", claim("delta", "10"), "tube: step 1: K B_ϑ ≤ δ"),
+    ("second", drop_first_phase, "tube: step 1"),
+    ("exosystem", put("ranges", [[["1", "-1"]]]), "ranges: lo ≤ hi"),
+    ("exosystem", scale("ranges", SHORT, 3, 0, 1), "ranges: step 4: R_1^hi outruns z_1"),
+    ("exosystem", scale("ranges", SHORT, 3, 0, 0), "ranges: step 4: R_1^lo outruns z_1"),
+    ("exosystem", scale("ranges", SHORT, 29, 0, 1), "ranges: step 30: R_1^hi outruns z_1"),
+    ("exosystem", scale("ranges", HALF, 29, 0, 0), "ranges: step 30: R_1^lo outruns z_1"),
+    ("exosystem", put("ranges", [[["99", "100"]]]), "ranges: step 1: R_1^lo outruns z_1"),
     ("first", lambda c: agent(c)["grid"].__setitem__(3, agent(c)["grid"][2]), "t_0 < t_1"),
     ("first", lambda c: agent(c)["grid"].__setitem__(3, "0"), "t_0 < t_1"),
     ("first", lambda c: (agent(c)["grid"].pop(), agent(c)["grid"].pop(), agent(c)["grid"].__setitem__(-1, "19"),
@@ -172,14 +199,14 @@ def test_what_does_not_hold_is_rejected(name: str, change: Change, obligation: s
     ("first", ("x1^3/10", "x1^3/10 + x1/(1 + x1)"), "tube: step 1"),
     ("first", ('x = ["-1", "1"]', 'x = ["-2", "1"]'), "tube: step 1"),
     ("first", ('reference = ["-1/2", "1/2"]', 'reference = ["-1/2", 1]'), "tube: step 1"),
-    ("second", ("p = [-0.1, 0.1]", "p = [-4, 4]"), "tube: step"),
-    ("second", ("observer = 0", "observer = 1000000"), "tube: step 1"),
+    ("second", ("p = [-0.1, 0.1]", "p = [-4, 4]"), "phase 1: step 1: ϑ^+"),
+    ("second", ("observer = 0", "observer = 1000000"), "phase 1: step 7: ϑ^+"),
     ("second", ("x1*x2/10", "x1*x2^2*1000000"), "phase 1: step"),
     ("measured", ('observer = "measured"', "observer = 0"), "tube: step 1"),
-    ("exosystem", ("v2 = 1", "v2 = 30"), "tube: step 1"),
-    ("exosystem", ("z1*x1/10", "z1*x1*4"), "tube: step"),
-    ("exosystem", ("eta = 0", "eta = [-9, 9]"), "tube: step 1"),
-    ("exosystem", ("z = [-1, 1]", "z = [-30, 1]"), "tube: step 1"),
+    ("exosystem", ("v2 = 1", "v2 = 30"), "phase 1: step 1: the enclosures"),
+    ("exosystem", ("z1*x1/10", "z1*x1*4"), "phase 1: step 1: ϑ^+"),
+    ("exosystem", ("eta = 0", "eta = [-9, 9]"), "phase 1: step 1: B_ζ ≥ ζ^+"),
+    ("exosystem", ("z = [-1, 1]", "z = [-30, 1]"), "ranges: step 1: R_1^lo outruns z_1"),
 ])
 def test_the_same_certificate_for_a_harder_plant_is_rejected(name: str, plant: tuple[str, str], obligation: str
                                                                   ) -> None:
@@ -197,20 +224,27 @@ def more(key: str, value: object) -> Change:
     ("first", lambda c: agent(c).pop("blocks")),
     ("first", lambda c: agent(c)["tail"].pop("rate")),
     ("first", lambda c: agent(c)["nominal"].__setitem__("f2", [])),
-    ("second", lambda c: agent(c)["phase1"].pop("steps")),
-    ("first", lambda c: c.__setitem__("theorem", "direct/2")),
+    ("second", lambda c: agent(c)["phase1"].pop("vartheta")),
+    ("first", lambda c: c.__setitem__("theorem", "direct/1")),
     ("first", lambda c: c.__setitem__("theorem", "recipe/1")),
-    ("first", lambda c: c.__setitem__("theorem", ["direct/1"])),
-    ("first", put("phase1", {"duration": "0", "steps": "0"})),
+    ("first", lambda c: c.__setitem__("theorem", ["direct/2"])),
     ("second", put("phase1", None)),
-    ("second", put("phase1.steps", "5001")),
-    ("second", put("phase1.steps", "-1")),
-    ("second", put("phase1.steps", "1/2")),
-    ("first", put("observer_rate", "1")),
-    ("second", put("observer_rate", None)),
-    ("second", put("observer_norm", [])),
-    ("first", put("observer_norm", [["1"]])),
-    ("second", put("observer_norm", [["1", "0"]])),
+    ("second", put("phase1.grid", [])),
+    ("second", put("phase1.grid", [str(k) for k in range(502)])),
+    ("second", put("phase1.boxes", [["1"] * 3] * 501)),
+    ("second", lambda c: agent(c)["phase1"]["grid"].pop()),
+    ("second", lambda c: agent(c)["phase1"]["boxes"].pop()),
+    ("second", lambda c: agent(c)["phase1"]["boxes"][3].pop()),
+    ("second", lambda c: [box.pop() for box in agent(c)["phase1"]["boxes"]]),
+    ("second", lambda c: agent(c)["phase1"]["vartheta"].pop()),
+    ("first", put("ranges", [[]])),
+    ("first", put("ranges", [[["-1", "1"]]])),
+    ("exosystem", put("ranges", [[["-1", "0", "1"]]])),
+    ("exosystem", put("ranges", [[["-1"]]])),
+    ("exosystem", put("ranges", [[]])),
+    ("exosystem", put("ranges", [[["-1", "1"], ["-1", "1"]]])),
+    ("exosystem", put("ranges", [[["-99", "99"]]] * 1000)),
+    ("exosystem", put("ranges", [[["-99", "99"]]] * 5501)),
     ("first", put("blocks", [])),
     ("first", put("blocks", ["2"])),
     ("first", put("blocks", ["1", "1"])),
@@ -237,10 +271,10 @@ def more(key: str, value: object) -> Change:
     ("first", lambda c: agent(c)["grid"].pop()),
     ("first", lambda c: agent(c)["boxes"].pop()),
     ("first", lambda c: agent(c)["boxes"][3].pop()),
-    ("first", put("boxes", [["1", "1"]] * 5001)),
+    ("first", put("boxes", [["1"] * 3] * 5001)),
     ("first", put("grid", [str(k) for k in range(5002)])),
     ("first", put("tail.box", ["1"])),
-    ("first", put("tail.box", ["1", "1", "1"])),
+    ("first", put("tail.box", ["1"] * 4)),
     ("first", put("tail.rate", "2/10")),
     ("exosystem", put("ell", ["-1"])),
     ("exosystem", put("steady_state", [])),
