@@ -153,6 +153,9 @@ def test_attack_on_the_certificate_of_a_first_order_agent(lone: Base, name: str)
 PLANTS = {
     "x1 = 0 is a pole of f that cancels": ('f = "p*x1"', 'f = "p*x1 + 1/x1 - 1/x1"'),
     "f is not defined on the box, times 0": ('f = "p*x1"', 'f = "p*x1 + 0*log(x1 - 5)"'),
+    "f is divided by what vanishes identically": ('f = "p*x1"', 'f = "p*x1 + 0/(p - p)"'),
+    "b is divided by what vanishes identically": ('b = "1"', 'b = "1 + 0/(p - p)"'),
+    "the cost is divided by what vanishes identically": ("(s - 1)^2/2", "(s - 1)^2/2 + 0/(s - s)"),
     "b is not defined on W, cancelled": ('b = "1"', 'b = "p/p"'),
     "b is 0 at a point inside W": ('b = "1"', 'b = "p^2"'),
     "b is positive at the vertices of W": ('b = "1"', 'b = "p^2 - 1/2"'),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from certify.checker.expressions import FUNCTIONS, NAME, Name, Node, Number, decimal, parse
+from certify.checker.expressions import FUNCTIONS, NAME, Name, Node, Number, decimal, measure, parse
 from certify.checker.linear import Matrix
 from certify.checker.verdict import Malformed
 
@@ -19,12 +19,14 @@ MAX_BYTES = 1_000_000
 MAX_AGENTS = 1_000
 MAX_ORDER = 16
 MAX_NAMES = 64
+MAX_IRRATIONAL = 48
 MAX_ENTRIES = 10_000
 
 Box = tuple[Fraction, Fraction]
 _EDGE = re.compile(r"\s*([0-9]{1,9})\s*->\s*([0-9]{1,9})\s*")
 _RANGE = re.compile(r"\s*([0-9]{1,9})\s*(?:-|\.\.)\s*([0-9]{1,9})\s*")
-_DEEP_KEY = re.compile(rb"(?:\.[^.\n\"'=\[\]]*){32}")
+_KEY_PART = rb"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
+_DEEP_KEY = re.compile(rb"(?<![A-Za-z0-9_-])(?:" + _KEY_PART + rb"){32}")  # on which tomllib takes quadratic time
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,10 @@ def _constants(known: Mapping[str, Node], table: Any, taken: set[str]) -> dict[s
     constants = dict(known)
     taken.update(constants)
     for name, value in _any_keys(table).items():
-        constants[_declared(name, taken)] = _expression(value, constants)
+        constants[_declared(name, taken)] = node = _expression(value, constants)
+        measure(node)
+    if sum(not isinstance(node, Number) for node in constants.values()) > MAX_IRRATIONAL:
+        raise Malformed(f"more than {MAX_IRRATIONAL} constants that are not known to be rational")
     return constants
 
 
