@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -237,7 +237,7 @@ def _agents(value: Any, initial: Any, size: int, constants: Mapping[str, Node], 
             agents[number] = _agent(table, number, initial, constants, v)
     if len(agents) < size:
         raise Malformed("an agent has no [[agent]] table")
-    _check_components(initial, agents.values())
+    _check_unused(initial, agents.values(), {**constants, "id": Number(Fraction(1))})
     return tuple(agents[number] for number in range(1, size + 1))
 
 
@@ -305,15 +305,18 @@ def _components(initial: Mapping[str, Any], key: str, names: Sequence[str], cons
     if isinstance(value, dict):
         return tuple(_default({"box": initial.get("box"), **value}, name, constants) for name in names)
     if isinstance(value, list) and names and not _is_box(value):
+        if not all(map(_is_box, value)):
+            raise Malformed(f"initial.{key}: one pair for every component is needed")
         return tuple(_box(entry, constants) for entry in _list(value, len(names)))
     return tuple(_default(initial, key, constants) for _ in names)
 
 
-def _check_components(initial: Mapping[str, Any], agents: Any) -> None:
-    """Refuses a component that no agent has."""
-    agents = list(agents)
-    names = {"z": {name for agent in agents for name in agent.zero_states},
-             "x": {name for agent in agents for name in agent.chain}}
-    for key in ("z", "x", "observer"):
-        if isinstance(initial.get(key), dict):
-            _keys(initial[key], "", " ".join(names["z" if key == "z" else "x"]))
+def _check_unused(initial: Mapping[str, Any], agents: Collection[Agent], constants: Mapping[str, Node]) -> None:
+    """Refuses a component that no agent has, and what is no box where no agent needs one."""
+    z = {name for agent in agents for name in agent.zero_states}
+    x = {name for agent in agents for name in agent.chain}
+    for key, names in (("box", set()), ("z", z), ("x", x), ("observer", x)):
+        if isinstance(initial.get(key), dict) and key != "box":
+            _keys(initial[key], "", " ".join(names))
+        elif key in initial and not names:
+            _box(initial[key], constants)
