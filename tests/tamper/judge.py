@@ -1,13 +1,15 @@
 """What the checker did with a mutant, and whether that was right: by rule, never by eye.
 
-``malformed``, ``rejected``      not accepted.
-``equivalent``                   accepted, and the claim is byte for byte the original one about the original plant:
-witnesses or the
-                                 producer's note differ, and the checker proved the same claim with them.
-``other claim, proved again``    accepted, the claim is another one, the printed digest is that of this other claim,
-and the
-                                 producer's code proves every obligation of it too (``recompute``).
-``accepted wrongly``             accepted and none of these.
+``malformed``, ``rejected``
+    not accepted.
+``equivalent``
+    accepted, and the claim is byte for byte the original one about the original plant: witnesses or the producer's
+    note differ, and the checker proved the same claim with them.
+``other claim, proved again``
+    accepted, the claim is another one, the printed digest is that of this other claim, and the producer's code proves
+    it too (``recompute``): the obligations of ``recipe`` one by one, ``direct`` with witnesses of its own.
+``accepted wrongly``
+    accepted and none of these.
 """
 
 from __future__ import annotations
