@@ -28,6 +28,7 @@ from .mutations import Mutant
 from .recompute import why_not_proved
 
 ACCEPTED = ("equivalent", "other claim, proved again", "accepted wrongly")
+SECONDS = 30  # of processor time; a check that takes longer is a fault
 CLASSES = ("malformed", "rejected", *ACCEPTED)
 
 
@@ -58,9 +59,12 @@ class Tally:
 def judge(base: Base, mutant: Mutant, tally: Tally) -> str:
     """The class of one mutant, counted in the tally."""
     plant = base.plant if mutant.plant is None else mutant.plant
-    start = time.perf_counter()
+    start = time.process_time()
     verdict = check(plant, mutant.certificate)
-    tally.slowest = max(tally.slowest, time.perf_counter() - start)
+    seconds = time.process_time() - start
+    tally.slowest = max(tally.slowest, seconds)
+    if seconds > SECONDS:
+        tally.faults.append((f"{seconds:.0f} s", mutant))
     if verdict.status == "verified":
         found, reason = _accepted(base, mutant, plant, verdict.claim_sha256)
         if found == "accepted wrongly":
