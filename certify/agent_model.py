@@ -72,8 +72,7 @@ class AgentModel:
     """One agent with its steady state, internal model, design polynomials and the sets its exogenous variables live in.
 
     ``steady_state`` is ``z*`` in ``(s, v, parameters)``; ``optimum`` encloses ``s*``; ``disturbance`` encloses every
-    ``v(t)``
-    and ``exosystem.initial`` every ``v(0)``.
+    ``v(t)``, ``|g·v(t)|² ≤ gᵀ extent g`` for every row ``g``, and ``exosystem.initial`` encloses every ``v(0)``.
     """
 
     agent: Agent
@@ -84,6 +83,7 @@ class AgentModel:
     observer: Row
     optimum: Interval
     disturbance: tuple[Interval, ...]
+    extent: Matrix
     references: References
     _cache: dict[tuple[object, ...], Fraction] = field(default_factory=dict, compare=False, repr=False)
 

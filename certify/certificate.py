@@ -17,7 +17,7 @@ from symbolic.errors import InputError
 
 SCHEMA = "consensus-certificate/1"
 RECIPE = "recipe/1"
-DIRECT = "direct/1"
+DIRECT = "direct/2"
 LARGEST_FILE = 16 << 20
 
 Json = dict[str, Any]

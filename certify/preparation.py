@@ -112,6 +112,7 @@ def _agent_model(
         observer=derived.design.observer,
         optimum=found.enclosure,
         disturbance=disturbance.box,
+        extent=disturbance.extent,
         references=References(references.peak, references.energy, references.rate_energy),
     )
 

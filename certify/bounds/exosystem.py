@@ -32,11 +32,13 @@ class ExosystemBounds:
 
     ``sharp`` is inside ``box`` and holds too: it uses a form of its own for every state, and constant states keep their
     interval. Without a rational form (an irrational oscillator) ``Q`` is ``None`` and both boxes are the sharp one.
+    ``|g·v(t)|² <= gᵀ extent g`` for every row ``g``: ``extent = Q⁻¹ · max_V0 vᵀQv``.
     """
 
     box: tuple[Interval, ...]
     Q: Matrix | None
     sharp: tuple[Interval, ...]
+    extent: Matrix = ()
 
 
 def exosystem_bounds(exosystem: Exosystem) -> ExosystemBounds | Inconclusive:
@@ -68,8 +70,10 @@ def exosystem_bounds(exosystem: Exosystem) -> ExosystemBounds | Inconclusive:
     Q = choose_form(basis, corners)
     if Q is None:
         return Inconclusive("no single quadratic form that the whole exosystem keeps was found")
-    box = [_symmetric(square) for square in _squares(Q, corners)]
-    return ExosystemBounds(tuple(box), Q, tuple(_intersection(a, b) for a, b in zip(box, sharp, strict=True)))
+    extent = _extent(Q, corners)
+    box = [_symmetric(extent[k][k]) for k in range(n)]
+    meets = tuple(_intersection(a, b) for a, b in zip(box, sharp, strict=True))
+    return ExosystemBounds(tuple(box), Q, meets, extent)
 
 
 def _independent_groups(S: sympy.MatrixBase) -> list[list[int]]:
@@ -102,8 +106,13 @@ def _sharp_bounds(S: sympy.MatrixBase, forms: Sequence[Matrix], initial: Sequenc
 
 
 def _squares(Q: Matrix, corners: Sequence[Row]) -> list[Fraction]:
-    level, widths = max(quadratic_form(Q, corner) for corner in corners), inverse(Q)
-    return [widths[k][k] * level for k in range(len(Q))]
+    extent = _extent(Q, corners)
+    return [extent[k][k] for k in range(len(Q))]
+
+
+def _extent(Q: Matrix, corners: Sequence[Row]) -> Matrix:
+    level = max(quadratic_form(Q, corner) for corner in corners)
+    return tuple(tuple(level * entry for entry in row) for row in inverse(Q))
 
 
 def _intersection(first: Interval, second: Interval) -> Interval:

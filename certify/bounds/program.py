@@ -132,6 +132,10 @@ class Program:
             registers.append(value)
         return registers
 
+    def constant(self, position: int) -> Ends:
+        """The ends of the constant that instruction ``position`` puts into its register."""
+        return self._ends[position]
+
     def ends(self, box: Sequence[Ends]) -> Ends:
         """The range over a box of ends (natural interval extension)."""
         return self._registers(box)[self.result]

@@ -26,16 +26,19 @@ MAX_INTEGER = 1_000_000
 MAX_GRID = 5_000
 MAX_STATES = 64
 MAX_RATES = 16
+MAX_FIRST_STEPS = 500
 
 Row = tuple[Fraction, ...]
 Texts = tuple[str, ...]
-Count = int  # 0 included
 Modes = Matrix
 Blocks = tuple[int, ...]
 Rates = Row
 Kernels = tuple[tuple[Rates, ...], ...]
 Grid = Row
 Boxes = Matrix
+FirstGrid = Row
+FirstBoxes = Matrix
+Ranges = tuple[Matrix, ...]
 T = TypeVar("T")
 _NUMBER = re.compile(r"(0|-?[1-9][0-9]*)(?:/([1-9][0-9]*))?")
 
@@ -124,10 +127,11 @@ class NominalSlopes:
 
 @dataclass(frozen=True)
 class FirstPhase:
-    """``steps`` equal steps up to the time ``duration``."""
+    """Magnitudes of ``z̄, x̄, ϑ, ζ`` during every step of the grid, and of ``ϑ`` at its end."""
 
-    duration: Fraction
-    steps: Count
+    grid: FirstGrid
+    boxes: FirstBoxes
+    vartheta: FirstGrid
 
 
 @dataclass(frozen=True)
@@ -140,10 +144,11 @@ class TubeTail:
 
 @dataclass(frozen=True)
 class DirectAgentWitness:
-    """Steady state, immersion, nominal loop, its modes and kernels, the tube and its tail; order 1 has no first phase.
+    """Steady state, immersion, nominal loop, its modes and kernels, the first phase, the tube and its tail.
 
     ``kernels[i][j]`` are the coefficients of output ``i`` and column ``j``, one per rate; ``boxes[k]`` are the
-    magnitudes of the outputs from ``grid[k]`` to ``grid[k + 1]``.
+    magnitudes of the outputs from ``grid[k]`` to ``grid[k + 1]``; ``ranges[i]`` holds ``[lo, hi]`` for every zero state
+    at the end of step ``i`` of both phases.
     """
 
     id: int
@@ -154,17 +159,16 @@ class DirectAgentWitness:
     blocks: Blocks
     rates: Rates
     kernels: Kernels
-    observer_norm: Matrix
-    observer_rate: Fraction | None
-    phase1: FirstPhase | None
+    phase1: FirstPhase
     grid: Grid
     boxes: Boxes
+    ranges: Ranges
     tail: TubeTail
 
 
 @dataclass(frozen=True)
 class DirectWitness:
-    """What the checker needs to be told for the theorem direct/1."""
+    """What the checker needs to be told for the theorem direct/2."""
 
     optimum: Row
     exosystem: Exosystem | None
@@ -181,7 +185,7 @@ class Certificate:
     witness: Witness | DirectWitness
 
 
-_WITNESSES: dict[str, type[Witness] | type[DirectWitness]] = {"recipe/1": Witness, "direct/1": DirectWitness}
+_WITNESSES: dict[str, type[Witness] | type[DirectWitness]] = {"recipe/1": Witness, "direct/2": DirectWitness}
 
 
 def read_certificate(data: bytes) -> Certificate:
@@ -287,8 +291,10 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "Blocks": lambda value: tuple(_integer(entry, 1, 2) for entry in _list(value, MAX_STATES)),
     "Rates": _rates,
     "Kernels": lambda value: tuple(tuple(map(_rates, _list(columns))) for columns in _list(value)),
-    "FirstPhase | None": lambda value: None if value is None else _table(FirstPhase, value),
-    "Count": lambda value: _integer(value, 0, MAX_GRID),
+    "FirstPhase": lambda value: _table(FirstPhase, value),
+    "FirstGrid": lambda value: _row(value, MAX_FIRST_STEPS + 1),
+    "FirstBoxes": lambda value: _matrix(value, MAX_FIRST_STEPS),
+    "Ranges": lambda value: tuple(map(_matrix, _list(value, MAX_GRID + MAX_FIRST_STEPS))),
     "Grid": lambda value: _row(value, MAX_GRID + 1),
     "Boxes": lambda value: _matrix(value, MAX_GRID),
     "TubeTail": lambda value: _table(TubeTail, value),

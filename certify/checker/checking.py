@@ -56,7 +56,8 @@ def _prove_direct(plant: Plant, certificate: Certificate, witness: DirectWitness
     for design in designs:
         agent_direct.prove_design(*design)
     facts = assumptions.prove(plant, certificate)
-    exosystem = agent_direct.Exosystem(plant.S or [], facts.v_at_start, facts.v)
+    Q = witness.exosystem.Q if witness.exosystem else []
+    exosystem = agent_direct.Exosystem(plant.S or [], Q, facts.v_at_start, facts.v)
     envelopes = coordinator.prove(plant, certificate, facts)
     for design, envelope, known in zip(designs, envelopes, facts.agents, strict=True):
         agent_direct.prove_tube(*design, envelope.reference, exosystem, known)

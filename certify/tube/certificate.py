@@ -8,16 +8,16 @@ from fractions import Fraction
 from certify.agent_model import AgentModel
 from certify.bounds.rationals import round_down, round_up
 from certify.certificate import Json, expression, number, numbers, rows
-from certify.tube.peaking import STEPS
 from certify.tube.trial import Trial
 from symbolic.controller import AgentController
 
 BOX_BITS = 16
 KERNEL_BITS = 24
+VARTHETA_BITS = 32
 
 
 def tube_witness(model: AgentModel, trial: Trial) -> Json:
-    observed, norm = model.order > 1, trial.peaked.norm
+    reached, tube = trial.reached, trial.tube
     return {
         "id": number(model.agent.id),
         "steady_state": [expression(component) for component in model.steady_state],
@@ -27,14 +27,17 @@ def tube_witness(model: AgentModel, trial: Trial) -> Json:
         "blocks": [number(size) for size in trial.modes.blocks],
         "rates": [number(Fraction(float(rate))) for rate in trial.kernels.rates],
         "kernels": [[_above(pair, KERNEL_BITS) for pair in row] for row in trial.kernels.coefficients],
-        "observer_norm": rows(norm.exact) if observed and norm is not None else [],
-        "observer_rate": number(norm.exact_rate) if observed and norm is not None else None,
-        "phase1": _phase1(trial) if observed else None,
-        "grid": [number(Fraction(time)) for time in trial.tube.grid],
-        "boxes": [_above(box, BOX_BITS) for box in trial.tube.boxes],
+        "phase1": {
+            "grid": [number(Fraction(time)) for time in reached.grid],
+            "boxes": [_above(box.flat, BOX_BITS) for box in reached.boxes],
+            "vartheta": _above(reached.vartheta, VARTHETA_BITS),
+        },
+        "grid": [number(Fraction(time)) for time in tube.grid],
+        "boxes": [_above(box, BOX_BITS) for box in tube.boxes],
+        "ranges": [[numbers(map(Fraction, side)) for side in known] for known in reached.ranges + tube.ranges],
         "tail": {
-            "box": _above(trial.tube.tail, BOX_BITS),
-            "rate": number(round_down(Fraction(trial.tube.tail_rate), BOX_BITS)),
+            "box": _above(tube.tail, BOX_BITS),
+            "rate": number(round_down(Fraction(tube.tail_rate), BOX_BITS)),
         },
     }
 
@@ -53,11 +56,6 @@ def tube_controller(model: AgentModel, trial: Trial) -> AgentController:
         delta=trial.delta,
         h=trial.gains.h,
     )
-
-
-def _phase1(trial: Trial) -> Json:
-    duration = Fraction(trial.peaked.duration)
-    return {"duration": number(duration), "steps": number(STEPS if duration else 0)}
 
 
 def _above(values: Iterable[float], bits: int) -> list[str]:

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import sympy
 
 from certify.agent_model import AgentModel
-from certify.bounds.balls import Program, compile_expression
-from certify.tube.ranges import Range, enclose, floats, hull, magnitude, symmetric, widen
+from certify.bounds.balls import compile_expression
+from certify.tube.ranges import FloatProgram, Range, floats, magnitude, meet, symmetric, widen
 from certify.tube.surroundings import Moment
 from symbolic.plant import COST_VARIABLE
 
 REST: Range = (0.0, 0.0)
+Ranges = tuple[Range, ...]
 
 
 @dataclass(frozen=True)
 class Slopes:
-    """Ranges of the slopes of ``f0`` in ``(z, x1)`` (one row each) and of ``f1`` in ``(z, x)``."""
+    """Ranges of the secant slopes of ``f0`` in ``(z, x1)`` (one row each) and of ``f1`` in ``(z, x)``."""
 
     f0: tuple[tuple[Range, ...], ...]
     f1: tuple[Range, ...]
 
 
 class Increments:
-    """The compiled partial derivatives of one agent."""
+    """The right-hand sides of one agent, compiled, and their slopes over boxes."""
 
     def __init__(self, model: AgentModel) -> None:
         agent = model.agent
@@ -34,30 +35,34 @@ class Increments:
         self.symbols = (*agent.zero_states, *agent.chain, COST_VARIABLE, *model.exosystem.states, *agent.parameters)
         self.parameters = [floats(side) for side in agent.parameter_box]
         self.optimum = floats(model.optimum)
-        self.f1 = [self._slope(agent.f, x) for x in (*agent.zero_states, *agent.chain)]
-        self.f0 = [[self._slope(f0, x) for x in (*agent.zero_states, agent.chain[0])] for f0 in agent.zero_dynamics]
+        self.f1 = FloatProgram(compile_expression(agent.f, self.symbols))
+        self.f0 = [FloatProgram(compile_expression(f0, self.symbols)) for f0 in agent.zero_dynamics]
         self.b = floats(model.input_gain)
 
-    def _slope(self, expression: sympy.Expr, x: sympy.Symbol) -> Program:
-        return compile_expression(sympy.diff(expression, x), self.symbols)
-
-    def slopes(self, z: np.ndarray, x: np.ndarray, moment: Moment) -> Slopes:
-        """Slopes over the box of magnitudes ``z, x`` of ``z̄, x̄``, coordinate by coordinate: ``x_n`` first, ``z``
-        last."""
-        zs = [widen(steady, bound) for steady, bound in zip(moment.steady, z, strict=True)]
-        moved = [hull(self.optimum, widen(moment.reference, x[0])), *(symmetric(bound) for bound in x[1:])]
-        rest = [self.optimum] + [REST] * (self.order - 1)
+    def slopes(self, z: np.ndarray, x: np.ndarray, moment: Moment, known: Ranges = ()) -> Slopes:
+        """Slopes over the box of magnitudes ``z, x`` of ``z̄, x̄``. One coordinate after the other moves from ``(z*, s*,
+        0 … 0)`` to where it is: ``z`` first, then ``x_1 … x_n``. ``known`` are ranges of ``z`` itself, empty where
+        nothing is known."""
+        rest = [*moment.steady, self.optimum, *[REST] * (self.order - 1)]
+        moved = [*self.zero_ranges(z, moment, known), widen(moment.reference, x[0]), *map(symmetric, x[1:])]
         others = [self.optimum, *moment.v, *self.parameters]
-        along = [
-            enclose(self.f1[self.zeros + k], [*zs, *moved[: k + 1], *rest[k + 1 :], *others]) for k in range(self.order)
-        ]
-        at_rest = [*zs, *rest, *others]
-        f1 = [*(enclose(self.f1[k], at_rest) for k in range(self.zeros)), *along]
-        f0 = [
-            (*(enclose(slope, at_rest) for slope in row[:-1]), enclose(row[-1], [*zs, moved[0], *rest[1:], *others]))
-            for row in self.f0
-        ]
-        return Slopes(tuple(f0), tuple(f1))
+
+        def row(function: FloatProgram, count: int) -> tuple[Range, ...]:
+            return tuple(
+                function.secant([*moved[: k + 1], *rest[k + 1 :], *others], k, rest[k]) for k in range(count)
+            )
+
+        return Slopes(tuple(row(f0, self.zeros + 1) for f0 in self.f0), row(self.f1, self.zeros + self.order))
+
+    def zero_ranges(self, z: np.ndarray, moment: Moment, known: Ranges = ()) -> list[Range]:
+        """``[z*] ± ẑ``, cut with what is known of ``z`` itself."""
+        around = [widen(steady, bound) for steady, bound in zip(moment.steady, z, strict=True)]
+        return [meet(side, other) for side, other in zip(around, known, strict=True)] if known else around
+
+    def zero_speed(self, k: int, zs: Sequence[Range], output: Range, moment: Moment) -> Range:
+        """The range of ``z_k'`` over ranges of ``z`` and ``x_1``."""
+        rest = [output] + [REST] * (self.order - 1)
+        return self.f0[k].enclose([*zs, *rest, self.optimum, *moment.v, *self.parameters])
 
 
 def residuals(slopes: Slopes, f0: np.ndarray, f1: np.ndarray, zeros: int) -> tuple[np.ndarray, np.ndarray]:

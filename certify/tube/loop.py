@@ -33,13 +33,15 @@ class LoopGains:
 
 @dataclass(frozen=True)
 class Loop:
-    """``X' = A X + Σ B_j q_j`` while the saturation is inactive; ``outputs`` are ``z̄, x̄, ϑ̃`` and ``Ψη̄``.
+    """``X' = A X + Σ B_j q_j`` while the saturation is inactive; ``outputs`` are ``z̄, x̄, ϑ̃`` and ``υ = Ψη̄ − Kϑ̃``.
 
-    ``columns`` are the ``B_j``: one per zero state, one for ``f1``, one for ``ẏ^r``.
+    ``columns`` are the ``B_j``: one per zero state, one for ``f1``, one for ``ẏ^r``. ``X = Σ_l starts_l Y_l`` with
+    ``Y = (z̄, x̄_1 … x̄_(n−1), ϑ, ζ, e)``, ``ζ = η̄ − N x̄_n/b``: what is known when the tube begins.
     """
 
     A: Matrix
     columns: tuple[Row, ...]
+    starts: tuple[Row, ...]
     outputs: tuple[Row, ...]
     zeros: int
     order: int
@@ -100,8 +102,14 @@ def nominal_loop(model: AgentModel, gains: LoopGains, nominal: Nominal) -> Loop:
     columns = [_placed(size, {k: ONE}) for k in range(nz)]
     columns.append(_placed(size, {x0 + n - 1: ONE, e0 + n - 1: ONE} if observer else {x0: ONE}))
     columns.append(_placed(size, {x0: -ONE}))
-    outputs = [_placed(size, {k: ONE}) for k in range(nz + n)] + [estimate] + ([internal] if s else [])
-    return Loop(_frozen(rows), _frozen(columns), _frozen(outputs), nz, n, s)
+    applied = [u + eta for u, eta in zip(feedback, internal, strict=True)]
+    outputs = [_placed(size, {k: ONE}) for k in range(nz + n)] + [estimate, applied]
+    starts = [_placed(size, {k: ONE}) for k in range(size)]
+    along = {x0 + n - 1: ONE, **{eta0 + a: entry / nominal.b for a, entry in enumerate(im.N)}}
+    starts[x0 + n - 1] = _placed(size, along)
+    for k in range(n - 1):
+        starts[x0 + k] = _placed(size, {x0 + k: ONE} | {row: -estimate[x0 + k] * entry for row, entry in along.items()})
+    return Loop(_frozen(rows), _frozen(columns), _frozen(starts), _frozen(outputs), nz, n, s)
 
 
 def _placed(size: int, entries: dict[int, Fraction]) -> list[Fraction]:

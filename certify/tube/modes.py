@@ -19,7 +19,7 @@ WITNESS_BITS = 96
 @dataclass(frozen=True)
 class Modes:
     """``H`` (exact, columns are modes), block sizes, and floats: eigenvalues per column, ``C' = C H``,
-    ``J' = H⁻¹[B | I]``.
+    ``J' = H⁻¹[B | Y]``.
 
     Eigenvalues of a block of size 2 are ``σ ± iω`` on its two columns.
     """
@@ -52,14 +52,14 @@ def modes(loop: Loop) -> Modes | None:
         except ZeroDivisionError:
             return None
         C = arb_mat([[_ball(entry) for entry in row] for row in loop.outputs]) * exact
-        B = arb_mat([[_ball(row[i]) for row in loop.columns] for i in range(size)])
+        J = arb_mat([[_ball(row[i]) for row in (*loop.columns, *loop.starts)] for i in range(size)])
         return Modes(
             H,
             blocks,
             np.array(decay),
             np.array(frequency),
             _floats(C),
-            np.hstack([_floats(inverse * B), _floats(inverse)]),
+            _floats(inverse * J),
         )
 
 

@@ -32,11 +32,12 @@ def tube_agent(
     default = found[0].trial
     controller = tube_controller(model, default)
     peak = [round_up(Fraction(float(value)), BOX_BITS) for value in default.tube.peak]
-    names = [str(z) for z in model.agent.zero_states] + [str(x) for x in model.agent.chain] + ["vartheta", "psi_eta"]
+    names = [str(z) for z in model.agent.zero_states] + [str(x) for x in model.agent.chain] + ["vartheta", "input"]
     rate = round_down(Fraction(default.tube.tail_rate), BOX_BITS)
     thresholds = {"g": controller.g, "K": controller.K, "delta": controller.delta, "rate": rate}
+    thresholds["T"] = Fraction(default.reached.duration)
     if controller.h is not None:
-        thresholds |= {"h": controller.h, "T": Fraction(default.peaked.duration)}
+        thresholds["h"] = controller.h
     result = AgentResult(
         derived.id,
         "certified",

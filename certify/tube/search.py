@@ -11,14 +11,15 @@ from certify.tube.loop import LoopGains
 from certify.tube.trial import AgentTrials, Trial, TrialFailure
 from symbolic.plant import RequestedGains
 
-FIRST_G = (Fraction(2), Fraction(3), Fraction(1))
-LARGER_G = (Fraction(3), Fraction(4), Fraction(6))
-_RUNGS = "20 30 40 50 60 75 90 110 130 160 200 250 300 375 450 550 700 1000 1500 2200 3300 5000"
+FIRST_G = (Fraction(3), Fraction(2), Fraction(1))
+LARGER_G = (Fraction(4), Fraction(6), Fraction(8))
+RUNGS_ABOVE = 1
+_RUNGS = "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 110 130 145 160 180 200 250 300 375 450 550 700 1000 1500 2200 3300 5000"
 LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
 HIGHER = tuple(Fraction(10) ** k for k in (4, 5, 6))
 START = LADDER.index(Fraction(1000))
-RATIOS = tuple(Fraction(k) for k in (12, 25, 40, 60, 100, 200, 400, 1000))
-FIRST_RATIO = 5
+RATIOS = tuple(Fraction(k) for k in (5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 60, 100, 200, 400, 1000))
+FIRST_RATIO = RATIOS.index(Fraction(100))
 
 
 @dataclass(frozen=True)
@@ -132,16 +133,21 @@ class _Finder:
         return best
 
     def lower_h(self, start: Trial) -> Trial:
-        """Smaller ratios ``h/K`` at the least ``K`` and, where that fails, one rung above it."""
-        best, ratio = start, self._ratio(start)
-        above = LADDER[min(_rung(start) + 1, len(LADDER) - 1)]
-        for K in dict.fromkeys((start.gains.K, above)):
-            for smaller in reversed([r for r in RATIOS if r < ratio]):
-                found = self.attempt(start.gains.g, K, smaller)
+        """The least ratio ``h/K``, by bisection, at the least ``K`` and on the rungs above it."""
+        best = start
+        if start.gains.h is None or self.requested.h is not None:
+            return best
+        rung = _rung(start)
+        for K in dict.fromkeys((start.gains.K, *LADDER[rung + 1 : rung + 1 + RUNGS_ABOVE])):
+            below, above = -1, next((k for k, ratio in enumerate(RATIOS) if ratio >= self._ratio(best)), len(RATIOS) - 1)
+            while above - below > 1:
+                middle = (below + above) // 2
+                found = self.attempt(start.gains.g, K, RATIOS[middle])
                 if found is None:
-                    break
-                if (found.gains.h or 0) < (best.gains.h or 0):
-                    best = found
+                    below = middle
+                else:
+                    above = middle
+                    best = found if (found.gains.h or 0) < (best.gains.h or 0) else best
         return best
 
     def _ratio(self, trial: Trial) -> Fraction:

@@ -6,14 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from certify.tube.increments import Increments, residuals
+from certify.tube.direct_ranges import move
+from certify.tube.increments import Increments, Ranges, residuals
 from certify.tube.kernels import Kernels
 from certify.tube.surroundings import Moment, Surroundings
 
 INFLATION = 1.01
 DRIVE_MARGIN = 1.01
+STEP_MARGIN = 1 + 1e-9
+FIRST_STEP = 1.0
 LARGEST_STEP = 0.2
-SMALLEST_STEP_RATIO = 1e-3
+BENT = 1.2
+SHRINK = 0.8
+SLACK = 1e-4
+GUESS = 0.01
+PROBES = 60
+SMALLEST_STEP_RATIO = 1e-2
 GROWTH = 1.3
 MOST_STEPS = 2500
 LARGEST = 1e6
@@ -32,10 +40,12 @@ class Feedback:
 
 @dataclass(frozen=True)
 class Tube:
-    """``grid`` has one entry more than ``boxes``; ``boxes[k]`` bounds the outputs ``z̄, x̄, ϑ̃, Ψη̄`` on step ``k``."""
+    """``grid`` has one entry more than ``boxes``; ``boxes[k]`` bounds the outputs ``z̄, x̄, ϑ̃, υ`` on step ``k``;
+    ``ranges[k]`` is where ``z`` is at the end of step ``k``, for as long as that is worth knowing."""
 
     grid: tuple[float, ...]
     boxes: tuple[np.ndarray, ...]
+    ranges: tuple[Ranges, ...]
     tail: np.ndarray
     tail_rate: float
 
@@ -58,63 +68,82 @@ class Comparison:
     def __init__(self, kernels: Kernels, increments: Increments, feedback: Feedback) -> None:
         self.kernels, self.increments, self.feedback = kernels, increments, feedback
         self.plant = increments.zeros + increments.order
+        times = np.append(0.0, np.geomspace(0.1 / kernels.rates[-1], 1 / kernels.rates[0], PROBES))
+        self.decays = np.exp(-np.outer(times, kernels.rates))
         low, high = increments.b
         self.gain_error = max(abs(low - feedback.b), abs(high - feedback.b))
 
     def start(self, state: np.ndarray) -> np.ndarray:
         return np.einsum("ila,l->ia", self.kernels.coefficients[:, self.kernels.inputs :], state)
 
-    def inputs(self, box: np.ndarray, moment: Moment) -> np.ndarray:
+    def highest(self, state: np.ndarray) -> float:
+        """An estimate of the largest ``|ϑ̃|`` that ``Y`` leads to by itself."""
+        return float((self.decays @ self.start(state)[self.plant]).max())
+
+    def inputs(self, box: np.ndarray, moment: Moment, known: Ranges = ()) -> np.ndarray:
         """Bounds of ``q_1 … q_nz, q_f, q_y`` over a box of outputs."""
         zeros = self.increments.zeros
-        slopes = self.increments.slopes(box[:zeros], box[zeros : self.plant], moment)
+        slopes = self.increments.slopes(box[:zeros], box[zeros : self.plant], moment, known)
         S, s = residuals(slopes, self.feedback.f0, self.feedback.f1, zeros)
         q = S @ box[: self.plant] + s * moment.deviation
-        if self.gain_error > 0:
-            q[zeros] += self.gain_error * (
-                self.feedback.K * box[self.plant] + (box[self.plant + 1] if len(box) > self.plant + 1 else 0)
-            )
+        q[zeros] += self.gain_error * box[self.plant + 1]
         return np.append(q, moment.rate) * DRIVE_MARGIN
 
     def drive(self, q: np.ndarray) -> np.ndarray:
         return self.kernels.coefficients[:, : self.kernels.inputs].transpose(0, 2, 1) @ q
 
-    def step(self, p: np.ndarray, box: np.ndarray, moment: Moment, length: float) -> tuple[np.ndarray, np.ndarray]:
+    def step(
+        self, p: np.ndarray, box: np.ndarray, moment: Moment, known: Ranges, length: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The state after the step and the bounds of the outputs during it, given a box for it."""
-        level = self.drive(self.inputs(box, moment)) / self.kernels.rates
+        level = self.drive(self.inputs(box, moment, known)) / self.kernels.rates
         kept = np.exp(-self.kernels.rates * length)
         following = kept * p + (1 - kept) * level
-        return following, np.maximum(p, following).sum(axis=1)
+        rise = np.maximum(following - p, 0)
+        bend = np.minimum(rise, (self.kernels.rates * length) ** 2 / 8 * np.maximum(level - p, 0))
+        chord = np.maximum(p.sum(axis=1), following.sum(axis=1)) + bend.sum(axis=1)
+        return following, np.minimum(p.sum(axis=1) + rise.sum(axis=1), chord) * STEP_MARGIN
 
 
-def tube(comparison: Comparison, surroundings: Surroundings, state: np.ndarray, begin: float) -> Tube | TubeFailure:
+def tube(
+    comparison: Comparison, surroundings: Surroundings, state: np.ndarray, known: Ranges, begin: float, highest: float
+) -> Tube | TubeFailure:
     """Boxes from ``begin`` to the end of the coordinator's grid, and the tail; or the time at which no box was
-    found."""
+    found. ``state`` bounds ``Y``, ``known`` are ranges of ``z`` at ``begin``; it is given up when ``|ϑ̃|`` passes
+    ``highest``."""
     p = comparison.start(state)
-    time, length = begin, max(begin / 4, 0.25 / float(comparison.kernels.rates.max()))
+    time, length = begin, FIRST_STEP / float(comparison.kernels.rates.max())
     shortest = length * SMALLEST_STEP_RATIO
     grid = [time]
     boxes: list[np.ndarray] = []
+    ranges: list[Ranges] = []
+    guess = np.zeros(len(p))
     while time < surroundings.horizon:
         if len(boxes) >= MOST_STEPS:
             return TubeFailure(time, f"more than {MOST_STEPS} steps")
         length = min(length, LARGEST_STEP, max(surroundings.horizon - time, shortest) * 1.001)
         length = _short(length)
-        found = _box(comparison, p, surroundings.during(time, time + length), length)
+        found = _box(comparison, p, guess, surroundings.during(time, time + length), known, length)
         if found is None:
-            length /= 2
+            length, guess = length / 2, np.zeros(len(p))
             if length < shortest:
                 return TubeFailure(time, "the increments outrun the loop")
             continue
-        p, box, rounds = found
+        before, (p, box, known, rounds) = p, found
         boxes.append(box)
+        guess = box * (1 + GUESS)
+        if known:
+            ranges.append(known)
         time = time + length
         grid.append(time)
-        length = length * GROWTH if rounds < 6 else length
+        if box[comparison.plant] > highest:
+            return TubeFailure(time, "the saturation level is passed by far")
+        bent = np.any(box > BENT * INFLATION * np.maximum(before.sum(axis=1), p.sum(axis=1)) + 1e-6)
+        length *= SHRINK if bent else GROWTH if rounds < 6 else 1.0
     tail = _tail(comparison, surroundings, p)
     if isinstance(tail, str):
         return TubeFailure(time, tail)
-    return Tube(tuple(grid), tuple(boxes), *tail)
+    return Tube(tuple(grid), tuple(boxes), tuple(ranges), *tail)
 
 
 def _short(length: float) -> float:
@@ -124,13 +153,16 @@ def _short(length: float) -> float:
 
 
 def _box(
-    comparison: Comparison, p: np.ndarray, moment: Moment, length: float
-) -> tuple[np.ndarray, np.ndarray, int] | None:
-    box = p.sum(axis=1) * INFLATION + 1e-9
+    comparison: Comparison, p: np.ndarray, guess: np.ndarray, moment: Moment, known: Ranges, length: float
+) -> tuple[np.ndarray, np.ndarray, Ranges, int] | None:
+    """The state, the box and the ranges after a step. What is reached from a box that holds is a box that holds."""
+    box = np.maximum(p.sum(axis=1) * INFLATION, guess) + 1e-9
     for rounds in range(60):
-        following, reached = comparison.step(p, box, moment, length)
+        moved = move(comparison.increments, known, box, moment, length) if known else None
+        ends, during = moved or ((), ())
+        following, reached = comparison.step(p, box, moment, during, length)
         if np.all(reached <= box):
-            return following, box, rounds
+            return following, np.minimum(reached * (1 + SLACK) + 1e-9, box), ends, rounds
         box = np.maximum(box, reached * INFLATION)
         if not np.all(np.isfinite(box)) or box.max() > LARGEST:
             return None
@@ -141,10 +173,10 @@ def _tail(comparison: Comparison, surroundings: Surroundings, p: np.ndarray) -> 
     moment, rates = surroundings.later(), comparison.kernels.rates
     for share in TAIL_SHARES:
         rate = share * min(surroundings.decay, float(rates[0]))
-        box = p.sum(axis=1) * 1.05 + 1e-9
+        left = np.maximum(p, 0).sum(axis=1)
+        box = left * 1.05 + 1e-9
         for _ in range(200):
-            d = np.maximum(p, comparison.drive(comparison.inputs(box, moment)) / (rates - rate))
-            reached = d.sum(axis=1)
+            reached = left + (comparison.drive(comparison.inputs(box, moment)) / (rates - rate)).sum(axis=1)
             if np.all(reached <= box):
                 return box, rate
             box = np.maximum(box, reached * INFLATION)

@@ -5,19 +5,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from itertools import product
 from math import inf
 
 import numpy as np
+import sympy
 
 from certify.agent_model import AgentModel
 from certify.bounds.balls import compile_expression
 from certify.coordinator.envelope import AgentEnvelope, Envelope
-from certify.tube.ranges import Range, enclose, floats, hull, widen
+from certify.tube.ranges import FloatProgram, Range, floats, hull, magnitude, meet, widen
 from symbolic.plant import COST_VARIABLE, Interval
 
 PARTS = {0: 1, 1: 8, 2: 4}
 MANY_PARTS = 2
+TAIL_PARTS = {0: 1, 1: 64, 2: 12}
+MANY_TAIL_PARTS = 3
+MOST_CUT = 6
 SAFETY = 1e-9
 
 
@@ -70,10 +75,8 @@ class Surroundings:
     def later(self) -> Moment:
         """The moment that covers everything after the coordinator's grid."""
         deviation = float(self.agent.tail_deviation)
-        reference = widen(self.optimum, deviation)
-        return Moment(
-            self.limits, reference, self.steady(self.optimum, self.limits), deviation, float(self.agent.tail_rate)
-        )
+        reference, steady = widen(self.optimum, deviation), self.steady.later(self.optimum, self.limits)
+        return Moment(self.limits, reference, steady, deviation, float(self.agent.tail_rate))
 
     def at_start(self) -> Moment:
         """The moment ``t = 0`` itself."""
@@ -126,23 +129,47 @@ class _SteadyRange:
     """The range of ``z*`` over ``s``, ``v`` and the parameters, these cut into parts where they occur."""
 
     def __init__(self, model: AgentModel) -> None:
-        agent = model.agent
-        free = {x for component in model.steady_state for x in component.free_symbols}
-        used = [k for k, name in enumerate(agent.parameters) if name in free and not agent.parameter_box[k].is_point]
-        parts = PARTS.get(len(used), MANY_PARTS)
-        choices = [_cut(box, parts if k in used else 1) for k, box in enumerate(agent.parameter_box)]
-        self.boxes = [tuple(floats(side) for side in choice) for choice in product(*choices)]
-        symbols = (COST_VARIABLE, *model.exosystem.states, *agent.parameters)
-        self.programs = [compile_expression(component, symbols) for component in model.steady_state]
+        self.model = model
+        symbols = (COST_VARIABLE, *model.exosystem.states, *model.agent.parameters)
+        self.programs = [FloatProgram(compile_expression(component, symbols)) for component in model.steady_state]
+        self.parts = self._parts(PARTS, MANY_PARTS)
+        self.slopes = [
+            [FloatProgram(compile_expression(sympy.diff(component, v), symbols)) for v in model.exosystem.states]
+            for component in model.steady_state
+        ]
+        self.extent = np.array([[float(entry) for entry in row] for row in model.extent])
+        self._later: dict[tuple[Range, ...], tuple[Range, ...]] = {}
 
     def __call__(self, optimum: Range, v: tuple[Range, ...]) -> tuple[Range, ...]:
-        found = []
-        for program in self.programs:
-            total: Range = (inf, -inf)
-            for parameters in self.boxes:
-                total = hull(total, enclose(program, [optimum, *v, *parameters]))
-            found.append(total)
-        return tuple(found)
+        return tuple(
+            reduce(hull, (program.enclose([optimum, *v, *parameters]) for parameters in self.parts))
+            for program in self.programs
+        )
+
+    def later(self, optimum: Range, v: tuple[Range, ...]) -> tuple[Range, ...]:
+        """For all phases of the exosystem: also ``|z*(v) − z*(0)| ≤ √(gᵀ extent g)`` with the slopes ``g`` in ``v``."""
+        if v not in self._later:
+            parts = self._parts(TAIL_PARTS, MANY_TAIL_PARTS)
+            self._later[v] = tuple(
+                reduce(hull, (self._around(k, optimum, v, parameters) for parameters in parts))
+                for k in range(len(self.programs))
+            )
+        return self._later[v]
+
+    def _around(self, k: int, optimum: Range, v: tuple[Range, ...], parameters: tuple[Range, ...]) -> Range:
+        whole = self.programs[k].enclose([optimum, *v, *parameters])
+        middle = self.programs[k].enclose([optimum, *[(0.0, 0.0)] * len(v), *parameters])
+        g = np.array([magnitude(slope.enclose([optimum, *v, *parameters])) for slope in self.slopes[k]])
+        return meet(whole, widen(middle, float(np.sqrt(g @ np.abs(self.extent) @ g)) if len(g) else 0.0))
+
+    def _parts(self, counts: dict[int, int], many: int) -> list[tuple[Range, ...]]:
+        agent = self.model.agent
+        free = {x for component in self.model.steady_state for x in component.free_symbols}
+        used = [k for k, name in enumerate(agent.parameters) if name in free and not agent.parameter_box[k].is_point]
+        used = sorted(used, key=lambda k: str(agent.parameters[k]))[:MOST_CUT]
+        parts = counts.get(len(used), many)
+        choices = [_cut(box, parts if k in used else 1) for k, box in enumerate(agent.parameter_box)]
+        return [tuple(floats(side) for side in choice) for choice in product(*choices)]
 
 
 def _cut(box: Interval, parts: int) -> list[Interval]:

@@ -1,4 +1,4 @@
-"""One trial of given gains: loop, modes, kernels, peaking, tube; the saturation level follows
+"""One trial of given gains: loop, modes, kernels, reaching phase, tube; the saturation level follows
 (docs/certificate-direct.md)."""
 
 from __future__ import annotations
@@ -15,16 +15,20 @@ from certify.tube.increments import Increments, Slopes
 from certify.tube.kernels import Kernels, kernels
 from certify.tube.loop import LoopGains, Nominal, nominal_loop
 from certify.tube.modes import Modes, modes
-from certify.tube.peaking import InitialMagnitudes, ObserverNorm, Peaked, initial_magnitudes, observer_norms, peaking
+from certify.tube.observer_error import ObserverDecay, ObserverError, observer_decay
 from certify.tube.ranges import Range
+from certify.tube.reaching import InitialMagnitudes, Reached, Reaching, Stuck, initial_magnitudes
 from certify.tube.supersolution import Comparison, Feedback, Tube, TubeFailure, tube
 from certify.tube.surroundings import Surroundings
 
 NOMINAL_BITS = 8
-DURATIONS = (0.0, 6.0, 9.0, 11.0, 13.0, 15.0, 17.0, 20.0, 26.0, 34.0, 44.0, 60.0)
-DELTA_MARGIN = 1.05
-DELTA_ROUNDS = 8
-LARGEST_LEVEL = 50
+DELTA_MARGIN = 1.12
+DELTA_GROWTH = 1.4
+NEARLY = 0.6
+FAR = 3.0
+DELTA_ROUNDS = 16
+FIRST_LEVEL = 1 / 16
+LARGEST_LEVEL = 20
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class Trial:
     nominal: Nominal
     modes: Modes
     kernels: Kernels
-    peaked: Peaked
+    reached: Reached
     tube: Tube
 
 
@@ -57,9 +61,10 @@ class AgentTrials:
         self.increments = Increments(model)
         self.initial: InitialMagnitudes = initial_magnitudes(model, self.surroundings)
         self.nominal = _nominal(self.increments, self.surroundings)
-        self.observer_norms: tuple[ObserverNorm, ...] = ()
+        self.levels: dict[Fraction, float] = {}
+        self.observer: ObserverDecay | None = None
         if model.order > 1:
-            self.observer_norms = observer_norms(observer_matrix(model.observer))
+            self.observer = observer_decay(observer_matrix(model.observer))
 
     def attempt(self, gains: LoopGains, delta: Fraction | None = None) -> Trial | TrialFailure:
         """Try one set of gains; a ``delta`` that is left free is made as small as the tube allows."""
@@ -71,52 +76,68 @@ class AgentTrials:
         comparison = Comparison(majorants, self.increments, self._feedback(gains))
         if not np.all(np.isfinite(majorants.coefficients)):
             return TrialFailure(gains, "the kernels of the nominal loop could not be bounded")
-        level = float(delta) if delta is not None else float(gains.K) * self._estimate(gains)
+        K, furthest = float(gains.K), float(gains.K) * float(self._theta(gains) @ self.initial.x)
+        level = self._first_level(gains, furthest) if delta is None else float(delta)
+        reason, latest = "", -1.0
         for _ in range(DELTA_ROUNDS):
-            peaked = self._peaked(comparison, gains, level)
-            if isinstance(peaked, str):
-                return TrialFailure(gains, peaked)
-            result = tube(comparison, self.surroundings, peaked.state, peaked.duration)
-            if isinstance(result, TubeFailure):
-                return TrialFailure(gains, f"at t = {result.time:.4g}: {result.reason}")
-            needed = float(gains.K) * float(result.peak[comparison.plant])
-            if needed <= level:
-                bound = delta if delta is not None else _short_up(level)
-                return Trial(gains, bound, self.nominal, found, majorants, peaked, result)
-            if delta is not None:
-                return TrialFailure(gains, f"the saturation level {level:.4g} is reached: the tube needs {needed:.4g}")
-            level = needed * DELTA_MARGIN
-            if level > LARGEST_LEVEL * float(gains.K) * self._estimate(gains):
+            bound = _short_up(level) if delta is None else delta
+            reached = self._reach(comparison, gains, float(bound))
+            if isinstance(reached, Stuck):
+                reason, needed = reached.reason, max(level * DELTA_GROWTH, NEARLY * K * reached.vartheta)
+            else:
+                highest = FAR * float(bound) / K
+                result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, highest)
+                if isinstance(result, TubeFailure):
+                    reason, needed = f"at t = {result.time:.4g}: {result.reason}", level * DELTA_GROWTH
+                    if result.time <= latest:
+                        break
+                    latest = result.time
+                else:
+                    needed = K * float(result.peak[comparison.plant]) * (1 + 1e-9)
+                    if needed <= float(bound):
+                        self.levels[gains.g] = float(bound) / furthest
+                        return Trial(gains, bound, self.nominal, found, majorants, reached, result)
+                    reason = f"the saturation level {level:.4g} is reached: the tube needs {needed:.4g}"
+                    needed *= DELTA_MARGIN
+            level = needed
+            if delta is not None or level > LARGEST_LEVEL * furthest:
                 break
-        return TrialFailure(gains, "the saturation level and the peaking phase chase each other: h/K is too small")
+        return TrialFailure(gains, reason)
+
+    def _first_level(self, gains: LoopGains, furthest: float) -> float:
+        """Half of what passed with the same ``g`` before, in units of ``K`` times the largest ``|ϑ(0)|``."""
+        return furthest * max(FIRST_LEVEL, self.levels.get(gains.g, 0.0) / 2)
 
     def _feedback(self, gains: LoopGains) -> Feedback:
         zeros = self.increments.zeros
         f0 = np.array([[float(x) for x in row] for row in self.nominal.f0]).reshape(zeros, zeros + 1)
         return Feedback(f0, np.array([float(x) for x in self.nominal.f1]), float(self.nominal.b), float(gains.K))
 
-    def _peaked(self, comparison: Comparison, gains: LoopGains, level: float) -> Peaked | str:
-        """The state after the peaking phase of the length that leaves the least ``|ϑ̃|``, for the saturation level
-        ``level``."""
-        if self.model.order == 1:
-            return Peaked(0.0, np.concatenate([self.initial.z, self.initial.x, self.initial.eta]))
-        if not self.observer_norms:
-            return "no norm of the observer error was proved"
-        assert gains.h is not None
-        h, best = float(gains.h), None
-        bound = float(_short_up(level))
-        for scaled in DURATIONS:
-            for found in peaking(
-                self.increments, self.surroundings, self.initial, self.observer_norms, h, bound, _dyadic(scaled / h)
-            ):
-                left = float(comparison.start(found.state)[comparison.plant].sum())
-                best = (left, found) if best is None or left < best[0] else best
-        return "the state escapes during the peaking phase" if best is None else best[1]
+    def _reach(self, comparison: Comparison, gains: LoopGains, delta: float) -> Reached | Stuck:
+        """The phase in which the saturation may act, up to where the tube begins."""
+        theta, error, time_constant = self._theta(gains), None, 1 / (float(gains.K) * float(self.nominal.b))
+        if gains.h is not None:
+            if self.observer is None:
+                return Stuck("the observer is too slow or too fast to be followed", 0.0)
+            scales = float(gains.h) ** np.arange(self.model.order - 1, -1, -1)
+            error = ObserverError(self.observer, theta / scales, self.initial.estimate * scales, float(gains.h))
+            time_constant = 1 / float(gains.h)
+        phase = Reaching(
+            self.increments,
+            self.surroundings,
+            self.initial,
+            theta,
+            float(gains.K),
+            delta,
+            float(self.nominal.b),
+            error,
+        )
+        return phase.run(comparison.highest, time_constant)
 
-    def _estimate(self, gains: LoopGains) -> float:
+    def _theta(self, gains: LoopGains) -> np.ndarray:
+        """``ϑ = θ x̄``."""
         n = self.model.order
-        weights = [float(gains.g) ** (n - k) * float(self.model.gamma[k - 1]) for k in range(1, n)] + [1.0]
-        return float(np.array(weights) @ self.initial.x)
+        return np.array([float(gains.g) ** (n - k) * float(self.model.gamma[k - 1]) for k in range(1, n)] + [1.0])
 
 
 def _nominal(increments: Increments, surroundings: Surroundings) -> Nominal:

@@ -1,4 +1,4 @@
-"""The rule for one agent of a certificate of the theorem direct/1 (docs/certificate-direct.md)."""
+"""The rule for one agent of a certificate of the theorem direct/2 (docs/certificate-direct.md)."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from certify.checker.certificate import MAX_STATES, AgentClaim, DirectAgentWitne
 from certify.checker.plant import Agent
 from certify.checker.rules import kernels, loop, tube
 from certify.checker.rules.assumptions import AgentFacts
-from certify.checker.rules.first_phase import FirstPhase, magnitudes_at_start, prove_observer
+from certify.checker.rules.first_phase import FirstPhase
 from certify.checker.rules.increments import Increments
 from certify.checker.rules.reference import Reference
 from certify.checker.rules.surroundings import Exosystem, Outside
+from certify.checker.rules.zero_ranges import ZeroRanges
 from certify.checker.verdict import Malformed, obligation, require
 
 
 def prove_design(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -> None:
-    """What can be decided from the design alone: sizes, signs, observer and kernels. Raises ``Rejected``."""
+    """What can be decided from the design alone: sizes, signs and kernels. Raises ``Rejected``."""
     name = f"agent {agent.id}"
     _sizes(name, agent, claim, witness)
     require(claim.g >= 1 and claim.K > 0 and claim.delta > 0, f"{name}: g ≥ 1, K > 0, δ > 0", g=claim.g, K=claim.K)
     require(claim.h is None or claim.h >= claim.g, f"{name}: h ≥ g", h=claim.h, g=claim.g)
+    require(all(gamma >= 0 for gamma in claim.gamma), f"{name}: γ ≥ 0", gamma=claim.gamma)
+    require(witness.nominal.b > 0, f"{name}: nominal b > 0", b=witness.nominal.b)
     _order(name, witness)
     with obligation(name):
-        if agent.order > 1:
-            prove_observer(name, claim, witness)
         kernels.prove(name, loop.build(agent, claim, witness), witness)
 
 
@@ -37,47 +38,46 @@ def prove_tube(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness, ref
     require(witness.grid[-1] >= reference.end, f"{name}: t_m ≥ T0", t_m=witness.grid[-1], T0=reference.end)
     with obligation(name):
         outside = Outside(exosystem, reference, witness.steady_state, agent.parameters)
-        increments = Increments(agent, reference.optimum, known.w)
-        start = magnitudes_at_start(agent, known, exosystem.at_start)
-        if agent.order > 1:
-            start = FirstPhase(name, agent, claim, witness, known.b, outside, increments).magnitudes_at_end(start)
+        increments = Increments(agent, reference.optimum, known.w, ZeroRanges(name, agent, witness.ranges))
+        start = FirstPhase(name, agent, claim, witness, known, outside, increments).at_end()
         tube.prove(name, loop.build(agent, claim, witness), claim, witness, known.b, outside, increments, start)
 
 
 def _sizes(name: str, agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -> None:
     """Every list is as long as the agent's order, its zero states and its internal model say. Raises ``Malformed``."""
-    n, nz, s, m = agent.order, len(agent.zero_states), len(witness.ell), len(witness.rates)
-    size, outputs, observer = loop.size_of(agent, s), nz + n + 1 + (s > 0), n if n > 1 else 0
+    n, nz, s, m, phase = agent.order, len(agent.zero_states), len(witness.ell), len(witness.rates), witness.phase1
+    size, outputs, steps = loop.size_of(agent, s), nz + n + 2, len(phase.boxes) + len(witness.boxes)
     if size > MAX_STATES:
         raise Malformed(f"{name}: at most {MAX_STATES} states")
     lengths = [
-        (claim.gamma, n - 1), (claim.observer, observer), (claim.M, s), (claim.N, s), (claim.psi, s),
+        (claim.gamma, n - 1), (claim.observer, n if n > 1 else 0), (claim.M, s), (claim.N, s), (claim.psi, s),
         *((row, s) for row in claim.M), (witness.steady_state, nz),
         (witness.nominal.f0, nz), *((row, nz + 1) for row in witness.nominal.f0), (witness.nominal.f1, nz + n),
         (witness.modes, size), *((row, size) for row in witness.modes), (witness.kernels, outputs),
         *((columns, nz + 2 + size) for columns in witness.kernels),
         *((entry, m) for columns in witness.kernels for entry in columns),
-        (witness.observer_norm, observer), *((row, observer) for row in witness.observer_norm),
+        (phase.boxes, len(phase.grid) - 1), *((box, nz + n + 1 + s) for box in phase.boxes),
+        (phase.vartheta, len(phase.boxes)), *((ends, nz) for ends in witness.ranges),
+        *((ends, 2) for step in witness.ranges for ends in step),
         (witness.boxes, len(witness.grid) - 1), *((box, outputs) for box in witness.boxes), (witness.tail.box, outputs)]
     if any(len(entries) != length for entries, length in lengths) or not m or sum(witness.blocks) != size:
         raise Malformed(f"{name}: a matrix or a list has the wrong size")
-    if any((given is None) != (n == 1) for given in (claim.h, witness.observer_rate, witness.phase1)):
-        raise Malformed(f"{name}: h, observer_rate and phase1 belong to orders from 2 on, and to all of them")
+    if len(witness.ranges) > (steps if nz else 0):
+        raise Malformed(f"{name}: ranges of zero states, one entry per step at most")
+    if (claim.h is None) != (n == 1):
+        raise Malformed(f"{name}: h belongs to orders from 2 on, and to all of them")
 
 
 def _order(name: str, witness: DirectAgentWitness) -> None:
-    """Rates and times grow, coefficients and boxes are not negative, a first phase of some steps takes time."""
-    rates, grid = witness.rates, witness.grid
+    """Rates and times grow, coefficients and boxes are not negative, ranges are not empty."""
+    rates, grid, phase = witness.rates, witness.grid, witness.phase1
     require(rates[0] > 0 and _increases(rates), f"{name}: 0 < μ_1 < … < μ_m", rates=rates)
-    duration, steps = (witness.phase1.duration, witness.phase1.steps) if witness.phase1 else (Fraction(0), 0)
-    require(duration >= 0 and (duration > 0) == (steps > 0), f"{name}: phase 1: T1 > 0 with steps, or T1 = 0 without",
-            T1=duration, steps=steps)
-    require(grid[0] == duration, f"{name}: t_0 = T1", t_0=grid[0], T1=duration)
+    require(phase.grid[0] == 0 and _increases(phase.grid), f"{name}: phase 1: 0 = t_0 < t_1 < …")
+    require(grid[0] == phase.grid[-1], f"{name}: t_0 = T1", t_0=grid[0], T1=phase.grid[-1])
     require(_increases(grid), f"{name}: t_0 < t_1 < …")
-    least = min(entry for columns in witness.kernels for column in columns for entry in column)
-    require(least >= 0, f"{name}: kernels ≥ 0", least=least)
-    least = min(entry for box in (*witness.boxes, witness.tail.box) for entry in box)
+    least = min(entry for box in (*witness.boxes, witness.tail.box, *phase.boxes, phase.vartheta) for entry in box)
     require(least >= 0, f"{name}: boxes ≥ 0", least=least)
+    require(all(lo <= hi for step in witness.ranges for lo, hi in step), f"{name}: ranges: lo ≤ hi")
 
 
 def _increases(entries: Sequence[Fraction]) -> bool:

@@ -54,9 +54,8 @@ def prove(name: str, loop: Loop, witness: DirectAgentWitness) -> None:
 class _Kernels:
     def __init__(self, name: str, loop: Loop, witness: DirectAgentWitness) -> None:
         self.name, self.rates = name, [ball(rate) for rate in witness.rates]
-        size = loop.size
-        columns = [[*row, *unit] for row, unit in zip(loop.inputs, linear.identity(size), strict=True)]
-        _spend_on_inverse(witness.modes, loop.A)
+        columns = [[*inputs, *starts] for inputs, starts in zip(loop.inputs, loop.starts, strict=True)]
+        _spend_on_inverse(witness.modes, loop.A, loop.starts)
         H = exact(witness.modes)
         try:
             R = H.inv()
@@ -85,8 +84,8 @@ class _Kernels:
         values, slopes = self.weights()
         for row in range(0, len(self.pairs), CHUNK):
             part = slice(row, row + CHUNK)
-            margin = arb_mat([[*c, *[-entry for entry in sizes], -rest] for c, sizes, rest in
-                              zip(self.c[part], self.products[part], self.rest[part], strict=True)])
+            margin = arb_mat([[*map(_positive, c), *map(_negative, c), *[-entry for entry in sizes], -rest]
+                              for c, sizes, rest in zip(self.c[part], self.products[part], self.rest[part], strict=True)])
             matrices = arb_mat(values[part]), arb_mat(slopes[part]), margin
             for start in range(0, len(cells), CHUNK):
                 self.check_cells(row, cells[start : start + CHUNK], *matrices)
@@ -124,7 +123,8 @@ class _Kernels:
 
     def check_cells(self, row: int, cells: list[tuple[Fraction, Fraction]], values: arb_mat, slopes: arb_mat,
                     margin: arb_mat) -> None:
-        """``|k(m)| + |k'(m)| d ≤ Σ_a c_a e^(−μ_a(t+2d)) − ½d² Σ_a |C'_a||J'_a||λ_a|² e^(−σ_a t) − η e^(−μ_1 t)``."""
+        """``|k(m)| + |k'(m)| d ≤ Σ_a (c_a⁺ e^(−μ_a(t+2d)) − c_a⁻ e^(−μ_a t)) − ½d² Σ_a |C'_a||J'_a||λ_a|² e^(−σ_a t)
+        − η e^(−μ_1 t)``."""
         basis, scaled, bounds = [], [], []
         for start, end in cells:
             m, d = ball((start + end) / 2), ball((end - start) / 2)
@@ -133,9 +133,9 @@ class _Kernels:
             scaled.append([d * entry for entry in at_middle])
             t, last = ball(start), ball(end)
             bend = d**2 / 2
-            bounds.append([*((-rate * last).exp() for rate in self.rates),
-                           *(bend * mode.square * (mode.real * t).exp() for mode in self.modes),
-                           (-self.rates[0] * t).exp()])
+            at_start = [(-rate * t).exp() for rate in self.rates]
+            bounds.append([*((-rate * last).exp() for rate in self.rates), *at_start,
+                           *(bend * mode.square * (mode.real * t).exp() for mode in self.modes), at_start[0]])
         k, dk, room = (left * arb_mat(right).transpose()
                        for left, right in ((values, basis), (slopes, scaled), (margin, bounds)))
         for pair in range(k.nrows()):
@@ -144,19 +144,29 @@ class _Kernels:
                     self.reject(row + pair, cells[cell], abs(k[pair, cell]) + abs(dk[pair, cell]), room[pair, cell])
 
     def check_tail(self, end: Fraction) -> None:
-        """``Σ_a |C'_a||J'_a| e^(−(σ_a−μ_1)T) + η ≤ c_1``"""
+        """``Σ_a |C'_a||J'_a| e^(−(σ_a−μ_1)T) + η ≤ c_1 − Σ_(a>1) c_a⁻ e^(−(μ_a−μ_1)T)``"""
         T = ball(end)
-        factors = [((self.rates[0] - decay) * T).exp() for decay in self.decay]
+        factors, own = ([((self.rates[0] - decay) * T).exp() for decay in decays] for decays in (self.decay, self.rates))
         for pair, (c, sizes, rest) in enumerate(zip(self.c, self.products, self.rest, strict=True)):
             left = sum((size * factor for size, factor in zip(sizes, factors, strict=True)), rest)
-            if not left <= c[0]:
-                self.reject(pair, (end, None), left, c[0])
+            right = sum((_negative(entry) * factor for entry, factor in zip(c[1:], own[1:], strict=True)), c[0])
+            if not left <= right:
+                self.reject(pair, (end, None), left, right)
 
     def reject(self, pair: int, cell: tuple[Fraction, Fraction | None], left: arb, right: arb) -> None:
         i, j = self.pairs[pair]
         require(False, f"{self.name}: kernels: |(C e^(At) J)_ij| ≤ Σ_a c_ija e^(−μ_a t)", i=i + 1, j=j + 1,
                 from_t=_short(cell[0]), to_t="∞" if cell[1] is None else _short(cell[1]), left=shown(left),
                 right=shown(right))
+
+
+def _positive(c: arb) -> arb:
+    return c.max(arb(0))
+
+
+def _negative(c: arb) -> arb:
+    """``−c⁻``"""
+    return c.min(arb(0))
 
 
 def _modes(A: arb_mat, blocks: Sequence[int]) -> list[Mode]:

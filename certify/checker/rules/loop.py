@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -18,16 +19,16 @@ Vector = list[Fraction]
 
 @dataclass(frozen=True)
 class Loop:
-    """``inputs`` are the columns ``B_j`` of ``q_1 … q_nz, q_f, q_y``.
+    """``inputs`` are the columns ``B_j`` of ``q_1 … q_nz, q_f, q_y``, ``starts`` the ``S_l`` with ``X = Σ_l S_l Y_l``.
 
-    The outputs are ``z̄``, ``x̄``, ``ϑ̃`` and, if ``s > 0``, ``Ψη̄``.
+    The outputs are ``z̄``, ``x̄``, ``ϑ̃`` and ``υ = Ψη̄ − Kϑ̃``.
     """
 
     nz: int
     n: int
-    s: int
     A: Matrix
     inputs: Matrix
+    starts: Matrix
     outputs: Matrix
 
     @property
@@ -46,47 +47,47 @@ def observer_matrix(claim: AgentClaim) -> Matrix:
     return [[-c, *row[1:]] for c, row in zip(reversed(claim.observer), shift, strict=True)]
 
 
+def theta(claim: AgentClaim) -> Vector:
+    """``θ = (g^(n−1)γ_1 … gγ_(n−1), 1)``"""
+    n = len(claim.gamma) + 1
+    return [claim.g ** (n - k) * gamma for k, gamma in enumerate((*claim.gamma, Fraction(1)), 1)]
+
+
+def observer_gain(claim: AgentClaim) -> Vector:
+    """``E2 = θ_k/h^(n−k)``, empty without an observer."""
+    h = claim.h
+    return [] if h is None else [entry / h**k for k, entry in enumerate(reversed(theta(claim)))][::-1]
+
+
 def build(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -> Loop:
     """The exact nominal matrices; the sizes of the claim and the witness are already known to fit."""
     nz, n, s, size = len(agent.zero_states), agent.order, len(witness.ell), size_of(agent, len(witness.ell))
-    unit = linear.identity(size)
+    unit, b = linear.identity(size), witness.nominal.b
     x, eta, e = nz, nz + n, nz + n + s
-    theta = _theta(agent, claim, size, x, e)
-    feedback = [-claim.K * entry for entry in theta]
-    psi = [Fraction(0)] * size
-    psi[eta:e] = claim.psi
-    push = [*witness.nominal.f1, *[Fraction(0)] * (size - nz - n)]
-    push = _plus(push, witness.nominal.b, _plus(feedback, Fraction(1), psi))
 
-    rows: list[Vector] = [[*row, *[Fraction(0)] * (size - nz - 1)] for row in witness.nominal.f0]
+    def placed(at: int, entries: Sequence[Fraction]) -> Vector:
+        return [*[Fraction(0)] * at, *entries, *[Fraction(0)] * (size - at - len(entries))]
+
+    steered = _plus(placed(x, theta(claim)), -1, placed(e, observer_gain(claim)))
+    v = _plus(placed(eta, claim.psi), -claim.K, steered)
+    push = _plus(placed(0, witness.nominal.f1), b, v)
+    rows = [placed(0, row) for row in witness.nominal.f0]
     rows += [list(unit[x + k]) for k in range(1, n)] + [push]
-    for j in range(s):
-        own = [Fraction(0)] * size
-        own[eta:e] = claim.M[j]
-        rows.append(_plus(own, claim.N[j], _plus(feedback, Fraction(1), psi)))
+    rows += [_plus(placed(eta, row), N, v) for row, N in zip(claim.M, claim.N, strict=True)]
     if claim.h is not None:
-        for j, own_row in enumerate(observer_matrix(claim)):
-            own = [Fraction(0)] * size
-            own[e:] = [claim.h * entry for entry in own_row]
-            rows.append(_plus(own, Fraction(int(j == n - 1)), push))
+        own = [placed(e, [claim.h * entry for entry in row]) for row in observer_matrix(claim)]
+        rows += [*own[:-1], _plus(own[-1], 1, push)]
 
     forced = list(unit[x + n - 1])
     if claim.h is not None:
         forced[e + n - 1] = Fraction(1)
-    columns = [*unit[:nz], forced, [-entry for entry in unit[x]]]
-    outputs = [*unit[: nz + n], theta] + ([psi] if s else [])
-    return Loop(nz, n, s, rows, linear.transpose(columns), outputs)
+    inputs = [*unit[:nz], forced, [-entry for entry in unit[x]]]
+    by_theta = _plus(unit[x + n - 1], 1 / b, placed(eta, claim.N))
+    starts = [*unit[:nz], *(_plus(unit[x + k], -entry, by_theta) for k, entry in enumerate(theta(claim)[:-1])),
+              by_theta, *unit[eta:]]
+    outputs = [*unit[: nz + n], steered, v]
+    return Loop(nz, n, rows, linear.transpose(inputs), linear.transpose(starts), outputs)
 
 
-def _theta(agent: Agent, claim: AgentClaim, size: int, x: int, e: int) -> Vector:
-    """``ϑ̃ = Σ g^(n−k) γ_k (x̄_k − e_k/h^(n−k))`` with ``γ_n = 1``; without ``e`` for ``n = 1``."""
-    n, theta = agent.order, [Fraction(0)] * size
-    for k, gamma in enumerate((*claim.gamma, Fraction(1)), 1):
-        theta[x + k - 1] = claim.g ** (n - k) * gamma
-        if claim.h is not None:
-            theta[e + k - 1] = -((claim.g / claim.h) ** (n - k)) * gamma
-    return theta
-
-
-def _plus(x: Vector, factor: Fraction, y: Vector) -> Vector:
+def _plus(x: Sequence[Fraction], factor: Fraction | int, y: Sequence[Fraction]) -> Vector:
     return [a + factor * b for a, b in zip(x, y, strict=True)]

@@ -8,21 +8,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import product
 
 from flint import arb_mat, fmpq
 
 from certify.checker import functions, linear
 from certify.checker.balls import BITS, exact, interval, precision
+from certify.checker.derivatives import gradient
 from certify.checker.expressions import Name, Node, evaluate, names_in, parse
-from certify.checker.intervals import Interval, between, enclose, hull, symmetric, total
+from certify.checker.intervals import Interval, between, enclose, hull, quadratic_bound, symmetric, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Box
 from certify.checker.rules.reference import Range, Reference
 from certify.checker.verdict import Undecided, spend
 
-PARTS = {0: 1, 1: 8, 2: 4}  # of a parameter of z*, by how many there are
+PARTS, FINE_PARTS = (1, 8, 4, 2), (1, 64, 12, 3)  # of a parameter of z*, by how many there are; the last for more
 MOST_CUT = 6  # parameters
 
 
@@ -38,10 +39,13 @@ class Surroundings:
 
 
 class Exosystem:
-    """``v(t) ∈ e^(St) V0``, and ``|v_k(t)| ≤ v̂_k`` for all time."""
+    """``v(t) ∈ e^(St) V0``, and ``|v_k(t)| ≤ v̂_k``, ``v vᵀ ⪯ W`` for all time."""
 
-    def __init__(self, S: Matrix, at_start: Mapping[str, Interval], forever: Mapping[str, Interval]) -> None:
+    def __init__(self, S: Matrix, Q: Matrix, at_start: Mapping[str, Interval], forever: Mapping[str, Interval]) -> None:
+        """``Q`` is already known to be kept."""
         self.S, self.at_start, self.forever = S, at_start, forever
+        energy = quadratic_bound(Q, list(at_start.values()))
+        self.W = [[(energy * entry).magnitude for entry in row] for row in linear.inverse(Q)]
         sizes = [v.magnitude for v in forever.values()]
         self.bend = [total(abs(entry) * size for entry, size in zip(row, sizes, strict=True)).upper
                      for row in linear.product(self.S, self.S)] if self.S else []
@@ -62,10 +66,7 @@ class Exosystem:
         rows = zip(self.forever.items(), self.at(start), self.at(end), self.bend, strict=True)
         for (name, limit), a, b, bend in rows:
             chord = hull(a, b) + symmetric((end - start) ** 2 / 8 * bend)
-            lo, hi = max(chord.lo, limit.lo), min(chord.hi, limit.hi)
-            if lo > hi:
-                raise Undecided(f"two enclosures of {name} have nothing in common")
-            result[name] = between(lo, hi)
+            result[name] = common(chord, limit)
         return result
 
 
@@ -78,26 +79,52 @@ class Outside:
         self.w = {name: between(*box) for name, box in parameters.items()}
         names = {name: Name(name) for name in ("s", *exosystem.forever, *self.w)}
         nodes = [parse(text, names) for text in steady_state]
-        self.pieces = [(node, _pieces(node, parameters)) for node in nodes]
+        self.nodes = [(node, _pieces(node, parameters, PARTS)) for node in nodes]
+        self.fine = [(node, _pieces(node, parameters, FINE_PARTS)) for node in nodes]
+        self.until = lru_cache(maxsize=None)(partial(self.during, Fraction(0)))
 
     def during(self, start: Fraction, end: Fraction) -> Surroundings:
-        return self._around(self.exosystem.during(start, end), self.reference.during(start, end))
+        v = self.exosystem.during(start, end)
+        box = {"s": self.reference.optimum, **v}
+        z = [hull(*(_value(node, {**box, **piece}) for piece in pieces)) for node, pieces in self.nodes]
+        return self._around(v, z, self.reference.during(start, end))
 
     def in_tail(self) -> Surroundings:
-        return self._around(self.exosystem.forever, self.reference.tail())
+        v = self.exosystem.forever
+        z = [hull(*(self._steady_forever(node, piece) for piece in pieces)) for node, pieces in self.fine]
+        return self._around(v, z, self.reference.tail())
 
-    def _around(self, v: Mapping[str, Interval], found: Range) -> Surroundings:
-        box = {"s": self.reference.optimum, **v}
-        z = tuple(hull(*(evaluate(node, {**box, **piece}, enclose, functions.call) for piece in pieces))
-                  for node, pieces in self.pieces)
-        return Surroundings(v, z, found.y, found.distance, found.speed)
+    def _around(self, v: Mapping[str, Interval], z: Sequence[Interval], found: Range) -> Surroundings:
+        return Surroundings(v, tuple(z), found.y, found.distance, found.speed)
+
+    def _steady_forever(self, node: Node, piece: Mapping[str, Interval]) -> Interval:
+        """By ``±v̂``, and by ``z*(s, 0, w) ± √(Σ_jk |W_jk| ĝ_j ĝ_k)``."""
+        box = {"s": self.reference.optimum, **self.exosystem.forever, **piece}
+        at_zero = _value(node, {**box, **dict.fromkeys(self.exosystem.forever, Interval(0, 0))})
+        sizes = [entry.magnitude for entry in gradient(node, box, self.exosystem.forever).values()]
+        square = total(W * a * b for row, a in zip(self.exosystem.W, sizes, strict=True)
+                       for W, b in zip(row, sizes, strict=True))
+        return common(_value(node, box), at_zero + symmetric(square.upper.sqrt()))
 
 
-def _pieces(node: Node, parameters: Mapping[str, Box]) -> list[dict[str, Interval]]:
+def common(x: Interval, y: Interval) -> Interval:
+    """The common part of two enclosures of one number."""
+    lo, hi = max(x.lower, y.lower), min(x.upper, y.upper)
+    if lo > hi:
+        raise Undecided(f"the enclosures {x} and {y} of one number have nothing in common")
+    return hull(lo, hi)
+
+
+def _value(node: Node, box: Mapping[str, Interval]) -> Interval:
+    value: Interval = evaluate(node, box, enclose, functions.call)
+    return value
+
+
+def _pieces(node: Node, parameters: Mapping[str, Box], by_count: Sequence[int]) -> list[dict[str, Interval]]:
     """The box of the parameters, cut into equal parts along those that occur in ``node``."""
     whole = {name: between(*box) for name, box in parameters.items()}
     cut = sorted(name for name in names_in(node) & whole.keys() if parameters[name][0] < parameters[name][1])[:MOST_CUT]
-    parts = PARTS.get(len(cut), 2)
+    parts = by_count[min(len(cut), 3)]
     choices = []
     for name in cut:
         lo, width = parameters[name][0], parameters[name][1] - parameters[name][0]

@@ -1,6 +1,6 @@
 """Sections 5 and 6 of docs/certificate-direct.md: the comparison system on the grid, and its tail.
 
-``|output i| ≤ Σ_a p_ia``, ``p_ia' = −μ_a p_ia + Σ_j c_ija |q_j|``.
+``|output i| ≤ Σ_a p_ia``, ``p_ia' = −μ_a p_ia + Σ_j c_ija |q_j|``; the ``p_ia`` may be of either sign.
 """
 
 from __future__ import annotations
@@ -13,15 +13,18 @@ from flint import arb, arb_mat
 from certify.checker.balls import BITS, above, ball, precision, shown
 from certify.checker.certificate import AgentClaim, DirectAgentWitness
 from certify.checker.intervals import Interval, enclose
-from certify.checker.rules.increments import Increments, bound_f1, bounds_f0
+from certify.checker.rules.increments import Increments, Slopes, increment
 from certify.checker.rules.loop import Loop
 from certify.checker.rules.surroundings import Outside, Surroundings
 from certify.checker.verdict import Rejected, Undecided, require, spend
 
 
+ZERO = arb(0)
+
+
 def prove(name: str, loop: Loop, claim: AgentClaim, witness: DirectAgentWitness, b: Interval, outside: Outside,
           increments: Increments, at_start: Sequence[Interval]) -> None:
-    """From the magnitudes of ``X`` at ``T1`` on, for ever. Raises ``Rejected``."""
+    """From the magnitudes of ``Y`` at ``T1`` on, for ever. Raises ``Rejected``."""
     with precision(BITS):
         tube = _Tube(name, loop, claim, witness, b, increments, at_start)
         for k in range(len(witness.boxes)):
@@ -33,73 +36,83 @@ class _Tube:
     def __init__(self, name: str, loop: Loop, claim: AgentClaim, witness: DirectAgentWitness, b: Interval,
                  increments: Increments, at_start: Sequence[Interval]) -> None:
         self.name, self.loop, self.claim, self.witness, self.increments = name, loop, claim, witness, increments
-        self.nominal = witness.nominal
+        self.nominal_f0 = [[-enclose(slope) for slope in row] for row in witness.nominal.f0]
+        self.nominal_f1 = [-enclose(slope) for slope in witness.nominal.f1]
         self.surplus = (b - enclose(witness.nominal.b)).magnitude
         self.rates = [ball(rate) for rate in witness.rates]
         forced = loop.nz + 2
         spend(20 * len(witness.kernels) * len(witness.rates) * (len(at_start) + len(witness.boxes) * (forced + 10)))
         self.force = self.matrix(0, forced)
         initial = self.matrix(forced, forced + loop.size)
-        self.p = _entries(initial * arb_mat([[above(size)] for size in at_start]))
+        self.p = self.by_output(initial * arb_mat([[above(size)] for size in at_start]))
 
     def matrix(self, first: int, last: int) -> arb_mat:
         """The coefficients ``c_ija`` of some columns, one row per output and rate."""
         return arb_mat([[ball(column[a]) for column in columns[first:last]]
                         for columns in self.witness.kernels for a in range(len(self.rates))])
 
-    def forcing(self, box: Sequence[Fraction], around: Surroundings) -> list[arb]:
+    def by_output(self, column: arb_mat) -> list[list[arb]]:
+        """The entries of one output after those of the other, one per rate."""
+        entries, count = column.entries(), len(self.rates)
+        return [entries[at : at + count] for at in range(0, len(entries), count)]
+
+    def sizes(self, box: Sequence[Fraction]) -> tuple[list[Interval], list[Interval]]:
+        """Of ``z̄`` and ``x̄``."""
+        sizes = [enclose(size).upper for size in box[: self.loop.nz + self.loop.n]]
+        return sizes[: self.loop.nz], sizes[self.loop.nz :]
+
+    def forcing(self, box: Sequence[Fraction], around: Surroundings, slopes: Slopes) -> list[list[arb]]:
         """``Σ_j c_ija q_j`` with the ``q_j`` of section 3 over the box."""
-        nz, n = self.loop.nz, self.loop.n
-        sizes = [enclose(size).upper for size in box]
-        z, x = sizes[:nz], sizes[nz : nz + n]
-        steering = self.claim.K * sizes[nz + n] + (sizes[nz + n + 1] if self.loop.s else 0)
-        slopes = self.increments.slopes(around, z, x)
-        q = bounds_f0(slopes, self.nominal, z, x, around.distance)
-        q.append((bound_f1(slopes, self.nominal, z, x, around.distance) + self.surplus * steering).upper)
+        z, x = self.sizes(box)
+        q = [increment(row, nominal, z, x, around.distance)
+             for row, nominal in zip(slopes.f0, self.nominal_f0, strict=True)]
+        q.append((increment(slopes.f1, self.nominal_f1, z, x, around.distance) + self.surplus * box[-1]).upper)
         q.append(around.speed)
-        return _entries(self.force * arb_mat([[above(entry)] for entry in q]))
+        return self.by_output(self.force * arb_mat([[above(entry)] for entry in q]))
 
     def step(self, k: int, outside: Outside) -> None:
         start, end, box = self.witness.grid[k], self.witness.grid[k + 1], self.witness.boxes[k]
         name = f"{self.name}: tube: step {k + 1}"
         try:
-            forcing = self.forcing(box, outside.during(start, end))
+            around, index = outside.during(start, end), len(self.witness.phase1.boxes) + k
+            slopes = self.increments.on_step(index, end - start, around, *self.sizes(box))
+            forcing = self.forcing(box, around, slopes)
         except Undecided as reason:
             raise Rejected(name, str(reason)) from None
-        duration, largest, count = ball(end - start), [], len(self.rates)
+        duration = ball(end - start)
         decays = [(-rate * duration).exp() for rate in self.rates]
-        for index, (p, phi) in enumerate(zip(self.p, forcing, strict=True)):
-            e, rate = decays[index % count], self.rates[index % count]
-            after = e * p + (1 - e) * phi / rate
-            largest.append(p.max(after))
-            self.p[index] = after
-        self.inside(name, largest, box)
+        bends = [(rate * duration) ** 2 / 8 for rate in self.rates]
+        reached = []
+        for i, before in enumerate(self.p):
+            limits = [phi / rate for phi, rate in zip(forcing[i], self.rates, strict=True)]
+            after = [e * p + (1 - e) * limit for e, p, limit in zip(decays, before, limits, strict=True)]
+            rises = [(new - p).max(ZERO) for new, p in zip(after, before, strict=True)]
+            above_chord = [rise.min(bend * (limit - p).max(ZERO))
+                           for rise, bend, limit, p in zip(rises, bends, limits, before, strict=True)]
+            highest = sum(before, ZERO).max(sum(after, ZERO)) + sum(above_chord, ZERO)
+            reached.append(highest.min(sum(before, ZERO) + sum(rises, ZERO)))
+            self.p[i] = after
+        self.inside(name, reached, box)
 
     def tail(self, outside: Outside) -> None:
-        """``d_ia = max(p_ia, Σ_j c_ija q̂_j/(μ_a − ρ))``"""
+        """``Σ_a p_ia⁺ + Σ_a Σ_j c_ija q̂_j/(μ_a − ρ) ≤ D_i``"""
         box, rate, name = self.witness.tail.box, self.witness.tail.rate, f"{self.name}: tail"
         fastest = outside.reference.tail_rate
         require(0 < rate <= fastest, f"{name}: 0 < ρ ≤ λ'", rate=rate, reference=fastest)
         require(rate < self.witness.rates[0], f"{name}: ρ < μ_1", rate=rate, slowest=self.witness.rates[0])
         try:
-            forcing = self.forcing(box, outside.in_tail())
+            around = outside.in_tail()
+            forcing = self.forcing(box, around, self.increments.in_tail(around, *self.sizes(box)))
         except Undecided as reason:
             raise Rejected(name, str(reason)) from None
         gaps = [own - ball(rate) for own in self.rates]
-        self.inside(name, [p.max(phi / gaps[index % len(gaps)])
-                           for index, (p, phi) in enumerate(zip(self.p, forcing, strict=True))], box)
+        self.inside(name, [sum((size.max(ZERO) + phi / gap for size, phi, gap in zip(p, phis, gaps, strict=True)), ZERO)
+                           for p, phis in zip(self.p, forcing, strict=True)], box)
 
-    def inside(self, name: str, sizes: Sequence[arb], box: Sequence[Fraction]) -> None:
-        """The sum over the rates is within the box for every output, and the saturation is not active in the box."""
-        count = len(self.rates)
-        for i, limit in enumerate(box):
-            reached = sum(sizes[i * count : (i + 1) * count], arb(0))
-            require(bool(reached <= ball(limit)), f"{name}: Σ_a p_ia ≤ B_i", output=i + 1, left=shown(reached),
-                    box=limit)
+    def inside(self, name: str, reached: Sequence[arb], box: Sequence[Fraction]) -> None:
+        """Every output is within the box, and the saturation is not active in the box."""
+        for i, (size, limit) in enumerate(zip(reached, box, strict=True), 1):
+            require(bool(size <= ball(limit)), f"{name}: Σ_a p_ia ≤ B_i", output=i, left=shown(size), box=limit)
         theta = box[self.loop.nz + self.loop.n]
         require(self.claim.K * theta <= self.claim.delta, f"{name}: K B_ϑ ≤ δ", left=self.claim.K * theta,
                 delta=self.claim.delta)
-
-
-def _entries(column: arb_mat) -> list[arb]:
-    return [row[0] for row in column.tolist()]
