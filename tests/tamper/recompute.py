@@ -92,7 +92,7 @@ class Known:
     plant: Plant
     optimum: Optimum
     s_star: sympy.Expr
-    disturbance: tuple[Interval, ...]
+    disturbance: ExosystemBounds
     steady: tuple[SteadyState, ...]
     curvatures: tuple[Interval, ...]
     V0: tuple[tuple[Rows, Fraction], ...]
@@ -117,7 +117,7 @@ def known_of(plant_file: bytes) -> Known:
         steady.append(state)
         curvatures.append(Interval(curvature.lower, curvature.upper))
         V0.append(_zero_dynamics(plant, agent, state, found))
-    return Known(plant, found, s_star, disturbance.box, tuple(steady), tuple(curvatures), tuple(V0))
+    return Known(plant, found, s_star, disturbance, tuple(steady), tuple(curvatures), tuple(V0))
 
 
 def _zero_dynamics(plant: Plant, agent: Agent, steady: SteadyState, found: Optimum) -> tuple[Rows, Fraction]:
@@ -155,7 +155,8 @@ def prove_recipe(plant_file: bytes, certificate: Json) -> None:
             gamma,
             observer,
             known.optimum.enclosure,
-            known.disturbance,
+            known.disturbance.box,
+            known.disturbance.extent,
             References(bounds.peak, bounds.energy, bounds.rate_energy),
         )
         _agent(model, known.V0[index], entry, mine)
