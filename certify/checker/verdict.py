@@ -68,6 +68,11 @@ def spend(steps: int) -> None:
         raise Undecided("more work than the checker allows")
 
 
+def steps_spent() -> int:
+    """By the check that began last, with the usual budget."""
+    return STEPS - _remaining.get()
+
+
 def show(value: object) -> str:
     """A number for a message: short rationals as they are, others rounded to six digits; sequences entry by entry."""
     if isinstance(value, (list, tuple)):
