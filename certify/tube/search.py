@@ -15,8 +15,8 @@ FIRST_G = (Fraction(3), Fraction(2), Fraction(1))
 LARGER_G = (Fraction(4), Fraction(6), Fraction(8))
 RUNGS_ABOVE = 1
 _RUNGS = (
-    "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700 1000"
-    " 1500 2200 3300 5000"
+    "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700"
+    " 1000 1500 2200 3300 5000"
 )
 LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
 HIGHER = tuple(Fraction(10) ** k for k in (4, 5, 6))
