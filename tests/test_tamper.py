@@ -92,6 +92,16 @@ def test_every_number_of_a_direct_certificate_is_changed_once() -> None:
     assert not tally.faults
 
 
+def test_other_claim_with_another_lyapunov_function_is_proved_again_with_that_one(bases: list[Base]) -> None:
+    base = bases[1]
+    g = Fraction(base.certificate["claim"]["agents"][0]["g"])
+    changed = replaced(base.certificate, ("claim", "agents", 0, "g"), str(g * (1 + Fraction(1, 10**12))))
+    changed = replaced(changed, ("witness", "agents", 0, "V0", 0, 0), "499999/1000000")
+    assert judge(base, Mutant(1, "g and V0", "both", changed), Tally()) == "other claim, proved again"
+    unproved = replaced(changed, ("witness", "agents", 0, "a0"), "1")
+    assert why_not_proved(base.plant, unproved) is not None
+
+
 def test_other_claims_of_the_direct_route_are_proved_again() -> None:
     base, tally = base_of("small_first_order", "direct"), Tally()
     delta = Fraction(base.certificate["claim"]["agents"][0]["delta"])

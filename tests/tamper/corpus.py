@@ -48,9 +48,12 @@ def _endless(bases: Sequence[Base], count: int, seed: int) -> Iterator[Mutant]:
     quotas = [floor + int(rest * weight / sum(weights)) for floor, weight in zip(floors, weights, strict=True)]
     seen = {_digest(base.plant, base) for base in bases}
     order = sorted(range(len(bases)), key=lambda k: bases[k].cost)
+    rngs = {k: random.Random(f"{seed}/{bases[k].name}") for k in order}
+    mutants = {k: _new(_of_base(bases, k, quotas[k], rngs[k]), seen, bases) for k in order}
+    for k in order:  # first what every base gets, so that a run that is cut short has seen all of them
+        yield from islice(mutants[k], floors[k])
     for k in order:
-        rng = random.Random(f"{seed}/{bases[k].name}")
-        yield from islice(_new(_of_base(bases, k, quotas[k], rng), seen, bases), quotas[k])
+        yield from islice(mutants[k], quotas[k] - floors[k])
     cheap = [k for k in order if bases[k].cost < CHEAP] or order[:1]
     yield from islice(_new(_plants(bases, cheap, random.Random(seed)), seen, bases), of_plants)
     rng = random.Random(seed)

@@ -130,6 +130,20 @@ def _zero_dynamics(plant: Plant, agent: Agent, steady: SteadyState, found: Optim
     return proof.P, proof.a0
 
 
+def _decay(known: Known, index: int, V0: Rows) -> Fraction:
+    """The greatest proved ``a0`` of the witness's ``V0``, given to the producer as if the user had offered it."""
+    if known.V0[index][0] == V0:
+        return known.V0[index][1]
+    agent, size = known.plant.agents[index], range(len(V0))
+    need(len(V0) == len(agent.zero_states), f"agent {agent.id}: size of V0")
+    z = agent.zero_states
+    form = sum((sympy.Rational(str(V0[i][j])) * z[i] * z[j] for i in size for j in size), sympy.S.Zero)
+    offered = replace(agent, lyapunov=form)
+    P, a0 = _zero_dynamics(known.plant, offered, known.steady[index], known.optimum)
+    need(tuple(map(tuple, P)) == V0, f"agent {agent.id}: another V0")
+    return a0
+
+
 def prove_recipe(plant_file: bytes, certificate: Json) -> None:
     """``recipe/1``. Raises ``NotConfirmed``."""
     claim, witness, known = certificate["claim"], certificate["witness"], known_of(plant_file)
@@ -159,7 +173,7 @@ def prove_recipe(plant_file: bytes, certificate: Json) -> None:
             known.disturbance.extent,
             References(bounds.peak, bounds.energy, bounds.rate_energy),
         )
-        _agent(model, known.V0[index], entry, mine)
+        _agent(model, _decay(known, index, _rows(mine["V0"])), entry, mine)
 
 
 def _respects(plant: Plant, claim: Json) -> None:
@@ -247,7 +261,7 @@ def _coordinator(plant_file: bytes, alpha1: str, alpha2: str, witness_text: str)
     return envelope(model, grid, comparison, found.enclosure, gradients_at(costs, found.enclosure), boxes)
 
 
-def _agent(model: AgentModel, V0: tuple[Rows, Fraction], claim: Json, witness: Json) -> None:
+def _agent(model: AgentModel, a0: Fraction, claim: Json, witness: Json) -> None:
     name, n = f"agent {model.agent.id}", model.order
     g, K, delta = (Fraction(claim[key]) for key in ("g", "K", "delta"))
     level, slack = Fraction(witness["level"]), Fraction(witness["slack"])
@@ -255,7 +269,7 @@ def _agent(model: AgentModel, V0: tuple[Rows, Fraction], claim: Json, witness: J
     matrices = LyapunovMatrices(
         _rows(witness["V0"]), Fraction(witness["a0"]), *(_rows(witness[key]) for key in ("P1", "P2", "P3"))
     )
-    _matrices(model, V0, matrices, name)
+    _matrices(model, a0, matrices, name)
     found = _constants(
         model, matrices, level + slack, g, Fraction(witness["weight_eta"]), Fraction(witness["weight_theta"])
     )
@@ -272,9 +286,9 @@ def _agent(model: AgentModel, V0: tuple[Rows, Fraction], claim: Json, witness: J
         _output_feedback(model, matrices, whole, feedback, delta, Fraction(claim["h"]), name)
 
 
-def _matrices(model: AgentModel, own: tuple[Rows, Fraction], given: LyapunovMatrices, name: str) -> None:
+def _matrices(model: AgentModel, a0: Fraction, given: LyapunovMatrices, name: str) -> None:
     if model.agent.zero_states:
-        need(own[0] == given.V0 and given.a0 <= own[1], f"{name}: another V0, or more than its a0")
+        need(given.a0 <= a0, f"{name}: more than the a0 of this V0")
     need(given.a0 > 0, f"{name}: a0 > 0")
     observer = observer_matrix(model.observer) if model.order > 1 else ()
     for label, A, P in (
