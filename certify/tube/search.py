@@ -76,11 +76,15 @@ def nearest_gains(
     if isinstance(first, NoChoice):
         return None
     finder.lower_h(finder.lower_K(first))
-    wanted = (requested.g, requested.K, requested.h)
+    wanted = (requested.g, requested.K, requested.delta, requested.h)
 
     def distance(trial: Trial) -> float:
-        had = (trial.gains.g, trial.gains.K, trial.gains.h)
-        return sum(abs(log(float(a / b))) for a, b in zip(had, wanted, strict=True) if a is not None and b is not None)
+        had = (trial.gains.g, trial.gains.K, trial.delta, trial.gains.h)
+        return sum(
+            abs(_log(a) - _log(b))
+            for a, b in zip(had, wanted, strict=True)
+            if a is not None and b is not None and b > 0
+        )
 
     return min(finder.passed, key=distance)
 
@@ -162,6 +166,11 @@ class _Finder:
 
     def _ratio(self, trial: Trial) -> Fraction:
         return Fraction(1) if trial.gains.h is None else trial.gains.h / trial.gains.K
+
+
+def _log(value: Fraction) -> float:
+    """Also of numbers that no float holds."""
+    return log(value.numerator) - log(value.denominator)
 
 
 def _rung(trial: Trial) -> int:

@@ -26,6 +26,7 @@ DELTA_MARGIN = 1.12
 DELTA_GROWTH = 1.4
 NEARLY = 0.6
 FAR = 3.0
+LARGEST_GAIN = Fraction(10) ** 15
 DELTA_ROUNDS = 16
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
@@ -68,6 +69,9 @@ class AgentTrials:
 
     def attempt(self, gains: LoopGains, delta: Fraction | None = None) -> Trial | TrialFailure:
         """Try one set of gains; a ``delta`` that is left free is made as small as the tube allows."""
+        given = [gains.g, gains.K, *(extra for extra in (gains.h, delta) if extra is not None)]
+        if max(given) > LARGEST_GAIN:
+            return TrialFailure(gains, f"gains beyond {float(LARGEST_GAIN):.0e} are out of reach of the search's floats")
         loop = nominal_loop(self.model, gains, self.nominal)
         found = modes(loop)
         if found is None:
