@@ -14,12 +14,14 @@ from symbolic.plant import RequestedGains
 FIRST_G = (Fraction(3), Fraction(2), Fraction(1))
 LARGER_G = (Fraction(4), Fraction(6), Fraction(8))
 RUNGS_ABOVE = 1
+STRIDE = 3
+MOST_TRIALS = 60
 _RUNGS = (
     "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700"
     " 1000 1500 2200 3300 5000"
 )
 LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
-HIGHER = tuple(Fraction(10) ** k for k in (4, 5, 6))
+HIGHER = tuple(Fraction(10) ** k for k in (4, 5))
 START = LADDER.index(Fraction(300))
 RATIOS = tuple(Fraction(k) for k in (5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 60, 100, 200, 400, 1000))
 FIRST_RATIOS = tuple(Fraction(k) for k in (25, 100, 400))
@@ -111,15 +113,19 @@ class _Finder:
         return found if isinstance(found, Trial) else None
 
     def first(self) -> Trial | NoChoice:
-        """Some gains that pass: upwards in ``K`` and ``h/K``."""
+        """Some gains that pass: from moderate ones upwards in ``h/K`` and ``K``, then downwards; a saturation level that
+        is given asks for small gains first."""
         several = FIRST_G if self.requested.K is None else tuple(dict.fromkeys(FIRST_G + LARGER_G))
-        for K in (*LADDER[START:], *HIGHER):
-            for ratio in FIRST_RATIOS:
-                for g in several if self.observed else FIRST_G[-1:]:
+        ladder = (*LADDER[START::STRIDE], *HIGHER, *LADDER[START % STRIDE : START : STRIDE][::-1])
+        if self.requested.delta is not None:
+            ladder = (*LADDER[START % STRIDE :: STRIDE], *HIGHER)
+        for K in ladder if self.requested.K is None else (self.requested.K,):
+            for ratio in FIRST_RATIOS if self.observed else FIRST_RATIOS[:1]:
+                for g in several if self.observed else (Fraction(1),):
                     found = self.attempt(g, K, ratio)
                     if found is not None:
                         return found
-            if len(self.known) >= 24 or self.requested.K is not None:
+            if len(self.known) >= MOST_TRIALS:
                 break
         reasons = [result.reason for result in self.known.values() if isinstance(result, TrialFailure)]
         return NoChoice(reasons[-1], len(self.known))

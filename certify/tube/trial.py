@@ -71,7 +71,7 @@ class AgentTrials:
         """Try one set of gains; a ``delta`` that is left free is made as small as the tube allows."""
         given = [gains.g, gains.K, *(extra for extra in (gains.h, delta) if extra is not None)]
         if max(given) > LARGEST_GAIN:
-            return TrialFailure(gains, f"gains beyond {float(LARGEST_GAIN):.0e} are out of reach of the search's floats")
+            return TrialFailure(gains, f"gains above {float(LARGEST_GAIN):.0e} are beyond the search's floats")
         loop = nominal_loop(self.model, gains, self.nominal)
         found = modes(loop)
         if found is None:
