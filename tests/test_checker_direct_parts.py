@@ -30,7 +30,7 @@ from certify.checker.rules.observer import tabulate
 from certify.checker.rules.reference import Reference, Step
 from certify.checker.rules.surroundings import Exosystem, Outside, Surroundings
 from certify.checker.rules.zero_ranges import ZeroRanges
-from certify.checker.slopes import along
+from certify.checker.slopes import Path
 from certify.checker.verdict import Rejected, Undecided, start_meter
 
 
@@ -181,7 +181,7 @@ PLACE = st.integers(0, 4)
 def test_slopes_hold_every_quotient_of_differences(text: str, before: Any, after: Any, places: Any) -> None:
     """On ``text(x) − text(c)``, leg by leg, for points ``c`` and ``x`` of the boxes."""
     node = parse(text, {name: Name(name) for name in NAMES})
-    found = along(node, NAMES, {name: between(*box) for name, box in zip(NAMES, before, strict=True)},
+    found = Path(node, NAMES).slopes({name: between(*box) for name, box in zip(NAMES, before, strict=True)},
                   {name: between(*box) for name, box in zip(NAMES, after, strict=True)})
     ends = [lo + (hi - lo) * k / 4 for (lo, hi), k in zip((*before, *after), places, strict=True)]
     values = {name: enclose(end) for name, end in zip(NAMES, ends[:3], strict=True)}
@@ -197,7 +197,7 @@ def test_slopes_hold_every_quotient_of_differences(text: str, before: Any, after
 def test_slopes_are_sharp_where_one_coordinate_occurs_once() -> None:
     node = parse("2*a^3 - b/(1 + c)", {name: Name(name) for name in NAMES})
     still, moved = dict.fromkeys(NAMES, enclose(1)), dict.fromkeys(NAMES, enclose(3))
-    slopes = along(node, NAMES, still, moved)
+    slopes = Path(node, NAMES).slopes(still, moved)
     assert [(float(slope.lo), float(slope.hi)) for slope in slopes] == [(26, 26), (-0.5, -0.5), (0.375, 0.375)]
 
 
@@ -206,7 +206,7 @@ def test_a_slope_needs_an_expression_that_is_smooth_at_the_box(text: str) -> Non
     """Also if no coordinate that moves occurs in it."""
     node, box = parse(text, {name: Name(name) for name in NAMES}), dict.fromkeys(NAMES, between(-1, 1))
     with pytest.raises(Undecided):
-        along(node, ["a", "c"], box, box)
+        Path(node, ["a", "c"]).slopes(box, box)
 
 
 def test_increments_are_above_sampled_ones() -> None:
