@@ -87,7 +87,8 @@ class Simulation:
         steady, tau = np.zeros(len(z)), np.zeros(s)
         if s:
             F = self.M + np.outer(self.N, self.psi)
-            tau = np.linalg.solve(np.vstack([self.psi, self.psi @ F]), [-(3 * v[0] - v[1]) / 2, -(3 * v[1] + v[0]) / 2])
+            output = np.array([-(3 * v[0] - v[1]) / 2, -(3 * v[1] + v[0]) / 2]) / b
+            tau = np.linalg.solve(np.vstack([self.psi, self.psi @ F]), output)
             steady = np.array([(v[0] - v[1]) / 2])
         x_bar, eta_bar = x - np.append([y], np.zeros(len(x) - 1)), eta - tau
         estimate, sat = self.steering(x, guess, y)
