@@ -42,8 +42,8 @@ def expression(value: sympy.Expr) -> str:
 
 
 def canonical(value: Any) -> bytes:
-    """Sorted keys, no white space, UTF-8: equal values give equal bytes."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    """Sorted keys, no white space, ASCII with everything else escaped: equal values give equal bytes."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False).encode("ascii")
 
 
 def claim_digest(certificate: Json) -> str:

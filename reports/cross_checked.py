@@ -24,11 +24,20 @@ def sentence(found: CrossCheck, agents: int) -> str:
     """What was simulated and what it showed; which of the ``agents`` were left out for want of time."""
     if found.broken is not None or found.count == 0:
         return found.reason
-    said = f"{found.count} trajectories, none breaks the claim"
+    said = f"{found.count} trajectories ({_shares(found)}), none breaks the claim"
+    if math.isfinite(found.worst_margin):
+        said += f", worst margin {found.worst_margin:.2g}"
     if found.failed:
         said += f"; {found.failed} could not be integrated in floats"
     missed = sorted(set(range(1, agents + 1)) - {tried.agent for tried in found.tried})
     return f"{said}; the time did not suffice for agents {listed(missed)}" if missed else said
+
+
+def _shares(found: CrossCheck) -> str:
+    """How many per agent."""
+    shares = {tried.trajectories for tried in found.tried}
+    least, most = min(shares), max(shares)
+    return f"{most} of each agent" if least == most else f"{least} to {most} of each agent"
 
 
 def search_fields(found: CrossCheck | None, agents: int) -> dict[str, Any]:
@@ -40,6 +49,7 @@ def search_fields(found: CrossCheck | None, agents: int) -> dict[str, Any]:
         "status": ending(found),
         "trajectories": found.count,
         "margin": margin,
+        "agents": [{"id": tried.agent, "trajectories": tried.trajectories} for tried in found.tried],
         "budget_seconds": SECONDS,
         "reason": sentence(found, agents),
     }

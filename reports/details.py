@@ -8,6 +8,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
+from reports.attraction import attraction_details
 from reports.bandwidth import observer_bandwidth
 from reports.certificate_view import AgentClaim, certified_gains
 from reports.region import AgentRegion
@@ -30,6 +31,8 @@ def details(study: Study) -> Json:
     if study.region is not None and certified is not None and conclusion(study).verified:
         found["region"] = [_region(agent) for agent in study.region.agents]
         found["estimates"] = [_estimates(agent) for agent in certified.agents]
+    if study.slices and conclusion(study).verified:
+        found["region_of_attraction"] = attraction_details(study.slices)
     return found
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from reports import cells, tables
 from reports.agent_types import coordinates_section
+from reports.attraction import attraction_section
 from reports.certificate_view import CertifiedGains, certified_gains
 from reports.cross_checked import SECONDS, ending, sentence
 from reports.figures import style, svg
@@ -58,6 +59,7 @@ def document_data(study: Study) -> dict[str, Any]:
         "simulation": None
         if study.trajectory is None
         else simulation_section(study.trajectory, study.simulated, certified, study.seed),
+        "attraction": attraction_section(study.slices) if ended.verified else None,
         "search": None if study.search is None else _search(study.search, study),
         "notes": [
             {

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from reports.region import Region
     from sims.closed_loop import Trajectory
     from sims.cross_check import CrossCheck
+    from sims.region import RegionSlice
     from symbolic.derivation import Derivation
 
 Status = Literal["certified", "refuted", "rejected", "inconclusive"]
@@ -32,7 +33,8 @@ class Study:
     read (docs/certificate.md); left out, it is that of ``gains``. ``verification`` is the answer of the independent
     checker: ``{"status": "verified" | "rejected", "claim_sha256": …, "reason": …}``. ``simulated`` is the controller of
     ``trajectory``, which need not be the certified one; ``runs`` are further ones from random starts. ``region`` has
-    the bounds that a verified certificate of the direct route proves, ``search`` what a search for a counterexample
+    the bounds that a verified certificate of the direct route proves, ``slices`` the simulated region of attraction,
+    ``search`` what a search for a counterexample
     found. ``versions`` maps names of tools and libraries to versions.
     """
 
@@ -48,6 +50,7 @@ class Study:
     simulated: Controller | None = None
     runs: tuple[Trajectory, ...] = ()
     region: Region | None = None
+    slices: tuple[RegionSlice, ...] = ()
     search: CrossCheck | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
     seed: int | None = None

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,8 +20,6 @@ from sims.signals import Array
 from sims.stage_code import StageSources, stage_sources, state_order
 from symbolic.controller import AgentController, Controller
 from symbolic.plant import Agent, Plant
-
-CHUNK = 1024
 
 
 @dataclass(frozen=True)
@@ -94,6 +93,7 @@ class AgentLoop:
         )
 
 
+@lru_cache(maxsize=64)
 def agent_loop(plant: Plant, controller: Controller, number: int) -> AgentLoop:
     """The loop of agent ``number`` (1 … N). Raises ``InputError`` as the equations and the costs do."""
     agent, law = plant.agents[number - 1], controller.agents[number - 1]

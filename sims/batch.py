@@ -22,9 +22,7 @@ from symbolic.errors import InputError
 
 COMPLETED, ESCAPED, FAILED, ABANDONED = 0, 1, 2, 3
 _PROBES = (0.25, 0.5, 0.75, 1.0)
-_LEAST_CUT = 1e-3
-_LAGRANGE_STAGES = (0, 2, 1, 3, 5)
-_LAGRANGE = np.linalg.inv(np.vander(rodas5p.NODES[list(_LAGRANGE_STAGES)], increasing=True)).T
+_BISECTIONS = 50
 _SAFETY, _SHRINK, _GROW = 0.9, 0.15, 5.0
 
 
@@ -76,9 +74,9 @@ def integrate_batch(
     ``parameters`` has shape ``(w, batch)``; ``member`` says which signals each trajectory sees.
     """
     members = np.asarray(member, dtype=np.intp)
-    run = _Run(sources, plant_states, signals, members, start, parameters, end, times, options)
     if options.compiled:
-        return _compiled(run, signals, start, parameters, end, times, options)
+        return _compiled(sources, plant_states, signals, members, start, parameters, end, times, options)
+    run = _Run(sources, plant_states, signals, members, start, parameters, end, times, options)
     with np.errstate(all="ignore"):
         run.begin()
         while run.ids.size:
@@ -87,16 +85,24 @@ def integrate_batch(
 
 
 def _compiled(
-    run: _Run, signals: SignalPool, start: Array, parameters: Array, end: float, times: Array, options: BatchOptions
+    sources: StageSources,
+    plant_states: int,
+    signals: SignalPool,
+    member: Indices,
+    start: Array,
+    parameters: Array,
+    end: float,
+    times: Array,
+    options: BatchOptions,
 ) -> BatchSolution:
     try:
         from sims.compiled import integrate_compiled
     except ModuleNotFoundError as error:
         raise InputError("the compiled integrator needs numba: pip install 'consensus-certify[fast]'") from error
     limits = (options.rtol, options.atol, options.escape_radius, options.max_steps)
-    weights, member = (run.weights, run.input_weights), run.inputs.member
+    weights = _argument_weights(sources, numpy_functions(sources)["argument"])
     samples, counts, results = integrate_compiled(
-        run.sources, weights, run.plant, signals, member, start, parameters, end, times, limits
+        sources, weights, plant_states, signals, member, start, parameters, end, times, limits
     )
     return BatchSolution(
         samples=samples,
@@ -139,7 +145,7 @@ class _Run:
         )
         self.ids = np.arange(size)
         self.inputs = PoolReader(signals, member)
-        self.weights, self.input_weights = self._argument_weights()
+        self.weights, self.input_weights = _argument_weights(sources, self.code["argument"])
         self.q = np.ascontiguousarray(start, dtype=float)
         self.p = np.vstack([parameters.reshape(sources.parameters - 2, size), np.zeros((2, size))])
         self.t = np.zeros(size)
@@ -151,7 +157,8 @@ class _Run:
     def begin(self) -> None:
         """Modes of the saturation, first step sizes, samples at ``t = 0``."""
         u = self.inputs.values(self.t)
-        self._set_modes(self.weights @ self.q + self.input_weights @ u)
+        r = self.weights @ self.q + self.input_weights @ u
+        self._set_modes(np.where(r >= self.sources.delta, 1.0, np.where(r <= -self.sources.delta, -1.0, 0.0)))
         rate = np.empty_like(self.q)
         self.code["rhs"](self.q, u, self.p, rate)
         scale = self.options.atol + self.options.rtol * np.abs(self.q)
@@ -177,7 +184,7 @@ class _Run:
         accepted = error <= 1.0
         self.tries += 1
         dense = np.array([_combine(row, flat).reshape(q.shape) for row in rodas5p.H])
-        cut, crossing = self._crossings(dense, new, inputs, accepted)
+        cut, crossing, argument = self._crossings(dense, new, inputs, accepted)
         reached = np.where((cut == 1.0) & (h >= self.end - t), self.end, t + h * cut)
         self._sample(dense, new, h, reached, accepted)
         self._record(accepted, h * cut, reached)
@@ -188,13 +195,14 @@ class _Run:
         self.h = np.where(crossing, np.maximum(cut, 0.2), factor) * h
         self.inputs.advance(self.t)
         if crossing.any():
-            self._set_modes(self.weights @ self.q + self.input_weights @ self.inputs.values(self.t), crossing)
+            mode = np.sign(self.p[-1])
+            self._set_modes(np.where(crossing, np.where(mode == 0.0, np.sign(argument), 0.0), mode))
         size = np.abs(self.q[: self.plant]).max(axis=0)
         self.solution.peak[self.ids] = np.fmax(self.solution.peak[self.ids], size)
         self._retire(self._verdicts(size))
 
     def _stages(self, K: Array, h: Array) -> list[Array]:
-        """Fills ``K``; returns ``input_weights @ u`` at the nodes of ``_LAGRANGE``."""
+        """Fills ``K``; returns ``input_weights @ u`` at the nodes of ``rodas5p.LAGRANGE``."""
         code, q, p, t = self.code, self.q, self.p, self.t
         flat = K.reshape(rodas5p.STAGES, -1)
         lu, ft = np.empty((self.sources.entries, q.shape[1])), np.empty_like(q)
@@ -216,46 +224,31 @@ class _Run:
             if rodas5p.D[i]:
                 right += (rodas5p.D[i] * h) * ft
             code["solve"](lu, right)
-        return [seen[i] for i in _LAGRANGE_STAGES]
+        return [seen[i] for i in rodas5p.LAGRANGE_STAGES]
 
-    def _argument_weights(self) -> tuple[Array, Array]:
-        """``r = weights · q + input_weights · u``: the feedback is linear in the states and the reference."""
-        n, m = self.sources.states, self.sources.inputs
-        q, u = np.hstack([np.eye(n), np.zeros((n, m))]), np.hstack([np.zeros((m, n)), np.eye(m)])
-        out = np.empty((1, n + m))
-        self.code["argument"](q, u, out)
-        return out[0, :n].copy(), out[0, n:].copy()
-
-    def _set_modes(self, r: Array, where: Mask | None = None) -> None:
-        delta = self.sources.delta
-        mode = np.where(r >= delta, 1.0, np.where(r <= -delta, -1.0, 0.0))
-        if where is not None:
-            mode = np.where(where, mode, np.sign(self.p[-1]))
+    def _set_modes(self, mode: Array) -> None:
         self.p[-2] = mode == 0.0
-        self.p[-1] = delta * mode
+        self.p[-1] = self.sources.delta * mode
 
-    def _crossings(self, dense: Array, new: Array, inputs: list[Array], accepted: Mask) -> tuple[Array, Mask]:
-        """The fraction of each step that is kept, and where the mode has to be set anew.
+    def _crossings(self, dense: Array, new: Array, inputs: list[Array], accepted: Mask) -> tuple[Array, Mask, Array]:
+        """The fraction of each step that is kept, where the mode ends there, and the saturation's argument there.
 
-        Along a step ``r`` is a polynomial of degree 4: the dense output's, and the reference's through five nodes.
+        Along a step the argument is a polynomial of degree 4: the dense output's, and the reference's through five
+        nodes. The crossing is kept however near it is to the start: beyond it the whole unsaturated zone may be gone.
         """
-        a = self.weights
-        ends = a @ self.q, a @ new
-        inner = [a @ row for row in dense]
-        known = np.array(inputs)
+        rows = np.array([self.q, new - self.q + dense[0], dense[1] - dense[0], dense[2] - dense[1], -dense[2]])
+        r = np.einsum("j,ijk->ik", self.weights, rows) + np.einsum("ji,jk->ik", rodas5p.LAGRANGE, np.array(inputs))
         delta, mode = self.sources.delta, np.sign(self.p[-1])
 
+        def value(theta: Array | float, at: Indices | slice) -> Array:
+            c = r[:, at]
+            found: Array = c[0] + theta * (c[1] + theta * (c[2] + theta * (c[3] + theta * c[4])))
+            return found
+
         def held(theta: Array | float, at: Indices | slice) -> Mask:
-            rest = 1.0 - theta
-            r = rest * ends[0][at] + theta * (
-                ends[1][at] + rest * (inner[0][at] + theta * (inner[1][at] + theta * inner[2][at]))
-            )
-            powers = np.array([np.ones_like(theta), theta, theta**2, theta**3, theta**4])
-            basis = _LAGRANGE @ powers
-            r = r + (basis[:, None] * known[:, at] if basis.ndim == 1 else basis * known[:, at]).sum(axis=0)
-            m = mode[at]
-            result: Mask = np.where(m == 0.0, np.abs(r) <= delta, m * r >= delta)
-            return result
+            argument, m = value(theta, at), mode[at]
+            inside: Mask = np.where(m == 0.0, np.abs(argument) <= delta, m * argument >= delta)
+            return inside
 
         cut, low = np.ones(mode.size), np.zeros(mode.size)
         crossing = np.zeros(mode.size, dtype=bool)
@@ -270,12 +263,12 @@ class _Run:
         found = np.flatnonzero(crossing)
         if found.size:
             lower, upper = low[found], cut[found]
-            for _ in range(40):
+            for _ in range(_BISECTIONS):
                 middle = 0.5 * (lower + upper)
                 inside = held(middle, found)
                 lower, upper = np.where(inside, middle, lower), np.where(inside, upper, middle)
-            cut[found] = np.maximum(upper, _LEAST_CUT)
-        return cut, crossing
+            cut[found] = upper
+        return cut, crossing, value(cut, slice(None))
 
     def _sample(self, dense: Array, new: Array, h: Array, reached: Array, accepted: Mask) -> None:
         times = self.times
@@ -320,6 +313,15 @@ class _Run:
             setattr(self, name, getattr(self, name)[keep])
         self.q = np.ascontiguousarray(self.q[:, keep])
         self.p = np.ascontiguousarray(self.p[:, keep])
+
+
+def _argument_weights(sources: StageSources, argument: Function) -> tuple[Array, Array]:
+    """``r = weights · q + input_weights · u``: the feedback is linear in the states and the reference."""
+    n, m = sources.states, sources.inputs
+    q, u = np.hstack([np.eye(n), np.zeros((n, m))]), np.hstack([np.zeros((m, n)), np.eye(m)])
+    out = np.empty((1, n + m))
+    argument(q, u, out)
+    return out[0, :n].copy(), out[0, n:].copy()
 
 
 def _combine(weights: Array, rows: Array) -> Array:

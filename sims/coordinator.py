@@ -23,6 +23,8 @@ from symbolic.plant import COST_VARIABLE, Plant
 
 Status = Literal["completed", "escaped", "failed"]
 
+MAX_STEPS = 20_000  # the five agents need 45 for 30 s; a coordinator that rings or is stiff would go on for hours
+
 
 @dataclass(frozen=True)
 class UpperLayer:
@@ -82,7 +84,7 @@ def integrate_upper_layer(
 
     The layer is smooth and not stiff for the gains of practice, and the agents need it between the steps: DOP853 has
     order 8 and an interpolant of order 7, which is kept as a piecewise polynomial. The state has ``n_v + 2N + N²``
-    entries.
+    entries. After ``MAX_STEPS`` steps it ends as ``failed``.
     """
     N, nv = plant.digraph.agents, len(plant.exosystem.states)
     L = np.array(laplacian(plant.digraph), dtype=float)
@@ -99,13 +101,21 @@ def integrate_upper_layer(
         return np.concatenate([S @ q[:nv], -descent - exchange - alpha2 * zeta, exchange, -(L @ xi).ravel()])
 
     initial = np.concatenate([*map(np.array, start), np.eye(N).ravel()])
-    breaks, pieces = [0.0], []
+    breaks: list[float] = [0.0]
+    pieces: list[Array] = []
     status: Status = "completed"
     reason = ""
     with np.errstate(all="ignore"):
         try:
             solver = DOP853(derivative, 0.0, initial, horizon, rtol=max(rtol, 1e-13), atol=atol)
             while solver.status == "running" and status == "completed":
+                if len(pieces) >= MAX_STEPS:
+                    status, reason = (
+                        "failed",
+                        f"the coordinator does not settle: {MAX_STEPS} steps reach only t = {breaks[-1]:.6g} s "
+                        f"of {horizon:g} s",
+                    )
+                    break
                 message = solver.step()
                 if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
                     status, reason = (

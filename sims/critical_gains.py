@@ -43,11 +43,13 @@ def critical_K(
     accuracy: Fraction = Fraction(1, 20),
     budget: int = 200,
     seed: int = 0,
+    compiled: bool = False,
     progress: Progress | None = None,
 ) -> CriticalGain:
     """The largest falsified ``K`` of one agent between ``low`` and ``high`` at the controller's ratio ``h/K``.
 
-    ``δ/K`` is kept too, so that the saturation stays where it is. Raises ``InputError`` for a range that does not fit.
+    ``δ/K`` is kept too, so that the saturation stays where it is. ``compiled`` is as for ``falsify``. Raises
+    ``InputError`` for a range that does not fit.
     """
     law = controller.agents[agent - 1]
 
@@ -55,7 +57,7 @@ def critical_K(
         factor = K / law.K
         return replace(law, K=K, h=None if law.h is None else law.h * factor, delta=law.delta * factor)
 
-    return _bisect(plant, controller, agent, "K", at, (low, high), accuracy, budget, seed, progress)
+    return _bisect(plant, controller, agent, "K", at, (low, high), accuracy, budget, seed, compiled, progress)
 
 
 def critical_h(
@@ -68,6 +70,7 @@ def critical_h(
     accuracy: Fraction = Fraction(1, 20),
     budget: int = 200,
     seed: int = 0,
+    compiled: bool = False,
     progress: Progress | None = None,
 ) -> CriticalGain:
     """The largest falsified ``h`` of one agent between ``low`` and ``high``, the other gains fixed."""
@@ -75,7 +78,17 @@ def critical_h(
     if law.h is None:
         raise InputError(f"agent {agent} has no observer, so no h")
     return _bisect(
-        plant, controller, agent, "h", lambda h: replace(law, h=h), (low, high), accuracy, budget, seed, progress
+        plant,
+        controller,
+        agent,
+        "h",
+        lambda h: replace(law, h=h),
+        (low, high),
+        accuracy,
+        budget,
+        seed,
+        compiled,
+        progress,
     )
 
 
@@ -89,6 +102,7 @@ def _bisect(
     accuracy: Fraction,
     budget: int,
     seed: int,
+    compiled: bool,
     progress: Progress | None,
 ) -> CriticalGain:
     low, high = ends
@@ -100,7 +114,8 @@ def _bisect(
     def broken(value: Fraction) -> Witness | None:
         nonlocal spent
         laws = (*controller.agents[: agent - 1], at(value), *controller.agents[agent:])
-        found = falsify(plant, replace(controller, agents=laws), budget=budget, seed=seed, agents=[agent])
+        changed = replace(controller, agents=laws)
+        found = falsify(plant, changed, budget=budget, seed=seed, agents=[agent], compiled=compiled)
         spent += found.trajectories
         say(f"agent {agent}: {gain} = {float(value):.4g} {found.status}")
         return found.witness

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
 from sims.agent_loop import agent_loop, upper_layer
 from sims.bounds import SignalBound
+from sims.coordinator import UpperLayer
+from sims.executors import run_tasks
 from sims.falsifier import HORIZON, TOLERANCE, Candidate, Progress, Search, Tried
-from sims.search_space import shared_points
+from sims.search_space import SharedPoint, shared_points
 from sims.witness import Witness
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Plant
 
-_CHUNK = 250
+_FIRST, _LARGEST = 256, 1024
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,38 @@ class CrossCheck:
     reason: str
 
 
+@dataclass(frozen=True)
+class _Task:
+    """Points ``low … high − 1`` of one agent, to be begun before ``deadline`` (seconds since the epoch)."""
+
+    agent: int
+    low: int
+    high: int
+    deadline: float
+
+
+@dataclass(frozen=True)
+class _Setting:
+    plant: Plant
+    controller: Controller
+    shared: tuple[SharedPoint, ...]
+    layers: tuple[UpperLayer, ...]
+    horizon: float
+    tolerance: Fraction
+    bounds: tuple[SignalBound, ...]
+    compiled: bool
+    seed: int
+    count: int
+
+
+@dataclass(frozen=True)
+class _Part:
+    tried: Tried
+    margin: float
+    witness: Witness | None
+    reason: str
+
+
 def cross_check(
     plant: Plant,
     controller: Controller,
@@ -49,67 +85,105 @@ def cross_check(
     tolerance: Fraction = TOLERANCE,
     bounds: tuple[SignalBound, ...] = (),
     compiled: bool = False,
+    workers: int = 1,
+    scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> CrossCheck:
-    """``count`` trajectories per agent, or as many as end within ``budget_seconds``; the agents take turns.
+    """``count`` trajectories per agent, or as many as were begun within ``budget_seconds``; the agents take turns, in
+    small parts first, and a part that was begun is finished.
 
     A third of the points is uniform in ``W × box``, a third has ``w`` at a vertex, a third is a vertex altogether. The
-    same points for the same ``seed``, however many of them the time allows. Raises ``InputError`` for a count or budget
-    that does not fit.
+    same points for the same ``seed``, however many of them the time allows. ``workers`` and ``scheduler`` are as for
+    :func:`sims.executors.run_tasks`; ``compiled`` runs on threads of its own. Raises ``InputError`` for a count or
+    budget that does not fit.
     """
     if count < 1 or seed < 0 or not 0.0 < budget_seconds < math.inf:
         raise InputError("a cross-check needs count >= 1, seed >= 0 and a time budget > 0")
-    begun = time.monotonic()
+    begun = time.time()
     say = progress or (lambda message: None)
-    shared = shared_points(plant, np.random.default_rng(seed), 8, 4)
-    layers = [upper_layer(plant, controller, start, horizon) for start in shared]
+    shared = tuple(shared_points(plant, np.random.default_rng(seed), 8, 4))
+    layers = tuple(upper_layer(plant, controller, start, horizon) for start in shared)
     lost = next((layer for layer in layers if layer.status != "completed"), None)
     if lost is not None:
-        return CrossCheck(0, 0, math.nan, None, (), time.monotonic() - begun, f"the coordinator: {lost.reason}")
-    searches = [
-        Search(agent_loop(plant, controller, agent.id), shared, layers, horizon, tolerance, bounds, say, compiled)
-        for agent in plant.agents
+        return CrossCheck(0, 0, math.nan, None, (), time.time() - begun, f"the coordinator: {lost.reason}")
+    setting = _Setting(plant, controller, shared, layers, horizon, tolerance, bounds, compiled, seed, count)
+    tasks = [
+        _Task(agent.id, low, high, begun + budget_seconds) for low, high in _parts(count) for agent in plant.agents
     ]
-    witness: Witness | None = None
-    longest = 0.0
-    for turn in range(-(-count // _CHUNK)):
-        for search in searches:
-            left = budget_seconds - (time.monotonic() - begun)
-            if witness is not None or left < longest or (turn and _hopeless(search)):
-                continue
-            started = time.monotonic()
-            size = min(_CHUNK, count - turn * _CHUNK)
-            search.evaluate(_points(search, len(shared), size, [seed, search.loop.agent.id, turn]))
-            longest = max(longest, time.monotonic() - started)
-            witness = search.witness
-            say(f"{sum(s.tried.trajectories for s in searches)} trajectories")
-    return _result(searches, witness, time.monotonic() - begun)
+    parts: dict[int, list[_Part]] = {}
+    results = run_tasks(partial(_run, setting), tasks, workers=workers, scheduler=scheduler)
+    for task, part in zip(tasks, results, strict=True):
+        if part is None:
+            continue
+        parts.setdefault(task.agent, []).append(part)
+        say(f"{sum(one.tried.trajectories for found in parts.values() for one in found)} trajectories")
+        if part.witness is not None:
+            break
+    return _result([_together(found) for found in parts.values()], time.time() - begun)
 
 
-def _points(search: Search, members: int, size: int, seed: list[int]) -> list[Candidate]:
-    generator = np.random.default_rng(seed)
-    cubes = generator.random((size, len(search.box.free)))
+def _parts(count: int) -> Iterator[tuple[int, int]]:
+    low, size = 0, _FIRST
+    while low < count:
+        yield low, min(low + size, count)
+        low, size = low + size, min(2 * size, _LARGEST)
+
+
+def _run(setting: _Setting, task: _Task) -> _Part | None:
+    """``None`` when the time is over."""
+    if time.time() >= task.deadline:
+        return None
+    search = Search(
+        agent_loop(setting.plant, setting.controller, task.agent),
+        setting.shared,
+        setting.layers,
+        setting.horizon,
+        setting.tolerance,
+        setting.bounds,
+        lambda message: None,
+        setting.compiled,
+    )
+    search.evaluate(_points(search, setting, task))
+    return _Part(search.tried, search.margin, search.witness, search.reason)
+
+
+def _points(search: Search, setting: _Setting, task: _Task) -> list[Candidate]:
+    """Of all the points of the agent, those of the task."""
+    generator = np.random.default_rng([setting.seed, task.agent])
+    cubes = generator.random((setting.count, len(search.box.free)))
+    members = generator.integers(len(setting.shared), size=setting.count)
     parameters = sum(k < len(search.loop.agent.parameters) for k in search.box.free)
     corner = np.round(cubes)
-    kind = np.arange(size) % 3
+    kind = np.arange(setting.count) % 3
     cubes[kind == 1, :parameters] = corner[kind == 1, :parameters]
     cubes[kind == 2] = corner[kind == 2]
-    return [Candidate(tuple(map(float, row)), int(generator.integers(members))) for row in cubes]
+    return [Candidate(tuple(map(float, cubes[k])), int(members[k])) for k in range(task.low, task.high)]
 
 
-def _hopeless(search: Search) -> bool:
-    return search.tried.failed == search.tried.trajectories
+def _together(parts: list[_Part]) -> _Part:
+    tried = Tried(
+        agent=parts[0].tried.agent,
+        trajectories=sum(part.tried.trajectories for part in parts),
+        failed=sum(part.tried.failed for part in parts),
+        slow=sum(part.tried.slow for part in parts),
+        worst=max(part.tried.worst for part in parts),
+        peak=max(part.tried.peak for part in parts),
+    )
+    broken = next((part for part in parts if part.witness is not None), None)
+    if broken is not None:
+        return _Part(tried, broken.margin, broken.witness, broken.reason)
+    return _Part(tried, min(part.margin for part in parts), None, "")
 
 
-def _result(searches: list[Search], witness: Witness | None, seconds: float) -> CrossCheck:
-    tried = tuple(search.tried for search in searches if search.tried.trajectories)
+def _result(agents: list[_Part], seconds: float) -> CrossCheck:
+    tried = tuple(agent.tried for agent in agents)
     count, failed = sum(agent.trajectories for agent in tried), sum(agent.failed for agent in tried)
-    margins = [search.margin for search in searches if math.isfinite(search.margin)]
-    worst = min(margins) if margins else math.nan
     said = f"{count} trajectories in {seconds:.0f} s"
-    if witness is not None:
-        broken = next(search for search in searches if search.witness is not None)
-        return CrossCheck(count, failed, broken.margin, witness, tried, seconds, f"{said}: {broken.reason}")
+    broken = next((agent for agent in agents if agent.witness is not None), None)
+    if broken is not None:
+        return CrossCheck(count, failed, broken.margin, broken.witness, tried, seconds, f"{said}: {broken.reason}")
+    margins = [agent.margin for agent in agents if math.isfinite(agent.margin)]
+    worst = min(margins) if margins else math.nan
     if failed:
         said += f", {failed} of which cannot be integrated in floats"
     if failed < count:

@@ -24,10 +24,12 @@ from sims.bounds import SignalBound, margin
 from sims.coordinator import UpperLayer
 from sims.executors import run_tasks
 from sims.fate import BROKEN, amplitudes, judge, windows
+from sims.scores import broken_margin, seen
+from sims.scores import scores as scores_of
 from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
 from sims.signal_pool import SignalPool
 from sims.signals import Array
-from sims.witness import Replay, Witness, gains_of, run_reference
+from sims.witness import Witness, gains_of, run_reference
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Plant
@@ -41,7 +43,7 @@ _CHUNK = 512
 _EXTENSION = 2
 _EXTENDED = 8
 _SHARED_CORNERS, _SHARED_INNER = 8, 4
-_OPTIONS = BatchOptions(max_steps=20_000, stop_at_escape=True)
+_OPTIONS = BatchOptions(rtol=1e-5, atol=1e-7, max_steps=20_000, stop_at_escape=True)  # what counts is run again
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def falsify(
     """
     if budget < 1 or seed < 0 or not 0.0 < horizon < math.inf or tolerance <= 0:
         raise InputError("the search needs budget >= 1, seed >= 0, a horizon > 0 and a tolerance > 0")
-    numbers = [agent.id for agent in plant.agents] if agents is None else list(agents)
+    numbers = _known(plant, agents)
     say = progress or (lambda message: None)
     generator = np.random.default_rng(seed)
     shared = shared_points(plant, generator, _SHARED_CORNERS, _SHARED_INNER)
@@ -131,6 +133,14 @@ def _hunt(
     search = Search(agent_loop(plant, controller, number), *prepared)
     witness = search.hunt(budget, np.random.default_rng([seed, number]))
     return search.tried, search.margin, witness, search.reason
+
+
+def _known(plant: Plant, agents: Sequence[int] | None) -> list[int]:
+    known = [agent.id for agent in plant.agents]
+    missing = [number for number in agents or () if number not in known]
+    if missing or (agents is not None and not agents):
+        raise InputError(f"there is no agent {missing[0]}" if missing else "the search needs an agent")
+    return known if agents is None else sorted(set(agents))
 
 
 def _silent(message: str) -> None:
@@ -193,7 +203,7 @@ class Search:
         self.options = replace(_OPTIONS, compiled=compiled)
         self.bounds = tuple(bound for bound in bounds if bound.agent == loop.agent.id)
         self.frame = windows(loop.plant, horizon)
-        early = np.linspace(0.0, horizon, 401) if self.bounds else np.zeros(0)
+        early = np.linspace(0.0, self.frame.times[0], 201) if self.bounds else np.zeros(0)
         self.times = np.union1d(early, self.frame.times)
         self.tried = Tried(loop.agent.id, 0, 0, 0, 0.0, 0.0)
         self.margin = math.inf
@@ -277,7 +287,7 @@ class Search:
         columns = np.searchsorted(self.times, self.frame.times)
         error = solution.samples[:, self.loop.output_row][:, columns] - self.loop.optimum
         last = amplitudes(error, self.frame)[:, -1]
-        scores = _scores(solution, last, closeness, self.horizon)
+        scores = scores_of(solution, last, closeness, self.horizon)
         suspects = []
         slow = []
         for k in range(len(points)):
@@ -360,39 +370,11 @@ class Search:
             found = run_reference(self.loop, shared, point, blank)
         if not found.broken:
             return False
-        self.witness = replace(blank, fate=found.fate, seen=_seen(found))
+        self.witness = replace(blank, fate=found.fate, seen=seen(found))
         self.reason = found.reason
-        self.margin = _broken_margin(found, self.tolerance)
+        self.margin = broken_margin(found, self.tolerance)
         return True
 
     def _tell(self, stage: str) -> None:
         tried = self.tried
         self.say(f"agent {tried.agent}: {stage}, {tried.trajectories} trajectories, worst |y - s*| {tried.worst:.2g}")
-
-
-def _scores(solution: BatchSolution, last: Array, closeness: Array, horizon: float) -> Array:
-    """Larger is closer to a break: peaks and late errors in decades, broken bounds, escapes with early ones first."""
-    late = np.log10(np.clip(np.nan_to_num(last, nan=1e3), 1e-9, 1e6))
-    peak = np.log10(np.clip(solution.peak, 1e-9, 1e12))
-    scores = peak + 0.25 * late - 10.0 * np.minimum(closeness, 0.5)
-    scores = np.where(closeness < 0, 500.0 - closeness, scores)
-    scores = np.where(solution.status == ESCAPED, 1e3 - solution.end / horizon, scores)
-    result: Array = np.where((solution.status == COMPLETED) | (scores > 100.0), scores, -1e3)
-    return result
-
-
-def _seen(found: Replay) -> tuple[tuple[str, str], ...]:
-    return (
-        ("amplitudes", " ".join(f"{size:.6g}" for size in found.amplitudes if math.isfinite(size))),
-        ("end", repr(found.end)),
-        ("margin", repr(found.margin)),
-        ("reason", found.reason),
-    )
-
-
-def _broken_margin(found: Replay, tolerance: Fraction) -> float:
-    if found.fate == "escaped":
-        return -math.inf
-    if found.fate == "bound":
-        return found.margin
-    return 1.0 - found.amplitudes[-1] / float(tolerance)

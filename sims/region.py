@@ -1,35 +1,29 @@
-"""The certified set against what simulations show: a grid of starts on a plane, coverage, bounds over time."""
+"""The certified set against what simulations show: the fates of a grid of starts on a plane, and coverage."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
+from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from sims.agent_loop import AgentLoop, agent_loop, upper_layer
 from sims.batch import COMPLETED, ESCAPED, BatchOptions
-from sims.bounds import ERROR, SignalBound
+from sims.executors import run_tasks
 from sims.fate import BROKEN, judge, windows
 from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
 from sims.signals import Array
 from symbolic.controller import Controller
 from symbolic.errors import InputError
-from symbolic.plant import Interval, Plant
+from symbolic.plant import Agent, Interval, Plant
 
+_DOUBLINGS, _MARGIN = 8, 1.25
 CONVERGES, STAYS, ESCAPES, UNKNOWN = 0, 1, 2, 3
-_LOOKS = {
-    CONVERGES: ("o", "#0072B2", "converges"),
-    STAYS: ("s", "#E69F00", "does not converge"),
-    ESCAPES: ("x", "#D55E00", "escapes"),
-    UNKNOWN: (".", "#999999", "not decided"),
-}
 _PROBABILITY = 1.959963984540054  # of the normal distribution: 95 % within
 
 
@@ -52,18 +46,77 @@ class RegionSlice:
 
 @dataclass(frozen=True)
 class Coverage:
-    """The part of the simulated region that the certified box covers: ``inside`` of ``converging`` sampled starts, with
-    a Wilson interval ``[low, high]`` of 95 %.
+    """The part of the simulated region, within the slice's window, that the certified box covers.
+
+    ``box`` is the box's share of the window, which is exact; ``converging`` of ``sampled`` starts converge. ``low`` and
+    ``high`` come from the Wilson interval of 95 % for the converging share; at most 1.
     """
 
-    inside: int
+    box: float
     converging: int
-    low: float
-    high: float
+    sampled: int
 
     @property
     def fraction(self) -> float:
-        return self.inside / self.converging if self.converging else math.nan
+        return min(1.0, self.box * self.sampled / self.converging) if self.converging else math.nan
+
+    @property
+    def low(self) -> float:
+        return min(1.0, self.box / wilson(self.converging, self.sampled)[1])
+
+    @property
+    def high(self) -> float:
+        least = wilson(self.converging, self.sampled)[0]
+        return min(1.0, self.box / least) if least > 0 else 1.0
+
+
+def slice_names(agent: Agent) -> tuple[str, str] | None:
+    """The plane that says most: output and its rate, else a zero state and the output; ``None`` for one state."""
+    names = [*map(str, agent.zero_states), *map(str, agent.chain)]
+    if agent.order > 1:
+        return names[len(agent.zero_states)], names[len(agent.zero_states) + 1]
+    return (names[0], names[len(agent.zero_states)]) if agent.zero_states else None
+
+
+def region_window(
+    plant: Plant,
+    controller: Controller,
+    agent: int,
+    names: tuple[str, str],
+    *,
+    vertices: int = 4,
+    seed: int = 0,
+    horizon: float = 40.0,
+    compiled: bool = False,
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Spans for :func:`region_slice` that show where the region ends.
+
+    Along each of the two axes the certified side is doubled, up to 256 times, until a start there no longer converges
+    for one of the vertices. Raises as :func:`region_slice`.
+    """
+    loop = agent_loop(plant, controller, agent)
+    rows = [_row(loop, name) for name in names]
+    sides = [_side(loop, row) for row in rows]
+    middles = [float(side.lo + side.hi) / 2 for side in sides]
+    halves = [float(side.hi - side.lo) / 2 for side in sides]
+    halves = [half or max(halves) or 1.0 for half in halves]
+    generator = np.random.default_rng(seed)
+    corners = _parameter_corners(loop, vertices, generator)
+    factors = [2.0**k for k in range(1, _DOUBLINGS + 1)]
+    tried = [(axis, factor, sign) for axis in (0, 1) for factor in factors for sign in (-1.0, 1.0)]
+    starts = [
+        _moved(loop, corner, {rows[axis]: middles[axis] + sign * factor * halves[axis]})
+        for corner in corners
+        for axis, factor, sign in tried
+    ]
+    fates = _fates(loop, starts, shared_points(plant, generator, 2, 0)[0], horizon, compiled)
+    worst = fates.reshape(len(corners), 2, len(factors), 2).max(axis=(0, 3))
+    spans = []
+    for axis in (0, 1):
+        lost = np.flatnonzero(worst[axis] != CONVERGES)
+        reach = _MARGIN * factors[lost[0] if lost.size else -1] * halves[axis]
+        spans.append((middles[axis] - reach, middles[axis] + reach))
+    return spans[0], spans[1]
 
 
 def region_slice(
@@ -79,41 +132,78 @@ def region_slice(
     horizon: float = 40.0,
     compiled: bool = False,
 ) -> RegionSlice:
-    """``points × points`` starts over ``spans``, each for up to ``vertices`` vertices of ``W``.
+    """``points × points`` starts in the middles of equal cells of ``spans``, each for up to ``vertices`` vertices of
+    ``W``.
 
-    ``names`` are plant states (``z1``, ``x2``). Raises ``InputError`` for a state that the agent does not have.
+    ``names`` are plant states (``z1``, ``x2``). Raises ``InputError`` for a state that the agent does not have and for
+    fewer than two points.
     """
+    if points < 2:
+        raise InputError("a slice needs at least 2 points per side")
     loop = agent_loop(plant, controller, agent)
     rows = [_row(loop, name) for name in names]
-    first, second = (np.linspace(low, high, points) for low, high in spans)
+    middles = (np.arange(points) + 0.5) / points
+    first, second = (low + (high - low) * middles for low, high in spans)
     grid = [(float(a), float(b)) for b in second for a in first]
     generator = np.random.default_rng(seed)
     corners = _parameter_corners(loop, vertices, generator)
     starts = [_moved(loop, corner, dict(zip(rows, place, strict=True))) for corner in corners for place in grid]
     fates = _fates(loop, starts, shared_points(plant, generator, 2, 0)[0], horizon, compiled)
-    sides = (*loop.agent.initial.z, *loop.agent.initial.x)
     return RegionSlice(
         agent=agent,
         names=names,
         first=first,
         second=second,
         fates=fates.reshape(len(corners), points, points).max(axis=0),
-        certified=(sides[rows[0]], sides[rows[1]]),
+        certified=(_side(loop, rows[0]), _side(loop, rows[1])),
         parameters=len(corners),
     )
+
+
+def region_slices(
+    plant: Plant,
+    controller: Controller,
+    agents: Sequence[int],
+    *,
+    points: int = 21,
+    vertices: int = 4,
+    seed: int = 0,
+    horizon: float = 40.0,
+    compiled: bool = False,
+    workers: int = 1,
+    scheduler: str | None = None,
+) -> tuple[RegionSlice, ...]:
+    """The slice of :func:`slice_names` in the window of :func:`region_window` for each agent that has one.
+
+    ``workers`` and ``scheduler`` are as for :func:`sims.executors.run_tasks`.
+    """
+    settings = {"vertices": vertices, "seed": seed, "horizon": horizon, "compiled": compiled}
+    one = partial(_telling_slice, plant, controller, points, settings)
+    found = run_tasks(one, agents, workers=workers, scheduler=scheduler)
+    return tuple(part for part in found if part is not None)
+
+
+def _telling_slice(
+    plant: Plant, controller: Controller, points: int, settings: Mapping[str, Any], agent: int
+) -> RegionSlice | None:
+    names = slice_names(plant.agents[agent - 1])
+    if names is None:
+        return None
+    spans = region_window(plant, controller, agent, names, **settings)
+    return region_slice(plant, controller, agent, names, spans, points=points, **settings)
 
 
 def coverage(found: RegionSlice) -> Coverage:
     """How much of the slice's converging starts lies in the certified box.
 
-    The grid's points are taken as independent samples of the slice for the interval.
+    The grid's points stand for independent samples of the window, which for an evenly spread grid is cautious.
     """
-    a, b = np.meshgrid(found.first, found.second)
-    one, two = found.certified
-    inside = (a >= float(one.lo)) & (a <= float(one.hi)) & (b >= float(two.lo)) & (b <= float(two.hi))
-    good = found.fates == CONVERGES
-    hits, total = int((inside & good).sum()), int(good.sum())
-    return Coverage(hits, total, *wilson(hits, total))
+    window = 1.0
+    for places, side in zip((found.first, found.second), found.certified, strict=True):
+        cell = places[1] - places[0]
+        low, high = max(float(side.lo), places[0] - cell / 2), min(float(side.hi), places[-1] + cell / 2)
+        window *= max(0.0, high - low) / (len(places) * cell)
+    return Coverage(window, int((found.fates == CONVERGES).sum()), found.fates.size)
 
 
 def wilson(hits: int, total: int) -> tuple[float, float]:
@@ -127,43 +217,8 @@ def wilson(hits: int, total: int) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def plot_region(found: RegionSlice, ax: Axes | None = None) -> Axes:
-    """Simulated fates as marks (shape and colour) and the certified box as a frame."""
-    if ax is None:
-        _, ax = plt.subplots(layout="constrained")
-    a, b = np.meshgrid(found.first, found.second)
-    for fate, (mark, colour, label) in _LOOKS.items():
-        here = found.fates == fate
-        if here.any():
-            ax.scatter(a[here], b[here], s=14, marker=mark, color=colour, linewidths=0.9, label=label)
-    one, two = found.certified
-    corner, width, height = (float(one.lo), float(two.lo)), float(one.hi - one.lo), float(two.hi - two.lo)
-    ax.add_patch(Rectangle(corner, width, height, fill=False, edgecolor="black", linewidth=1.8, label="certified box"))
-    ax.set_xlabel(_label(found.names[0]))
-    ax.set_ylabel(_label(found.names[1]))
-    ax.set_title(f"agent {found.agent}, {found.parameters} vertices of $W$", fontsize="medium")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, fontsize="small", frameon=False)
-    return ax
-
-
-def plot_bounds(t: Array, runs: Array, bound: SignalBound, ax: Axes | None = None) -> Axes:
-    """``|signal|`` of several runs, shape ``(runs, times)``, under a bound that is a step function of time."""
-    if ax is None:
-        _, ax = plt.subplots(layout="constrained")
-    for k, run in enumerate(runs):
-        ax.plot(t, np.abs(run), color="#0072B2", linewidth=0.6, alpha=0.6, label="simulated" if k == 0 else None)
-    ax.step(t, bound.at(t), where="post", color="#D55E00", linewidth=1.6, label="certified bound")
-    name = r"y - s^\star" if bound.signal == ERROR else f"{bound.signal[0]}_{{{bound.signal[1:]}}}"
-    ax.set_xlabel("time $t$ [s]")
-    ax.set_ylabel(f"$|{name}|$, agent {bound.agent}")
-    ax.set_yscale("log")
-    ax.grid(True, linewidth=0.4, alpha=0.5)
-    ax.legend(fontsize="small", frameon=False)
-    return ax
-
-
-def _label(name: str) -> str:
-    return f"${name[0]}_{{{name[1:]}}}(0)$"
+def _side(loop: AgentLoop, row: int) -> Interval:
+    return (*loop.agent.initial.z, *loop.agent.initial.x)[row]
 
 
 def _row(loop: AgentLoop, name: str) -> int:
@@ -200,7 +255,7 @@ def _fates(
 ) -> NDArray[np.int8]:
     frame = windows(loop.plant, horizon)
     signals = loop.signals([upper_layer(loop.plant, loop.controller, shared, horizon)])
-    options = BatchOptions(max_steps=20_000, compiled=compiled)
+    options = BatchOptions(rtol=1e-5, atol=1e-7, max_steps=20_000, compiled=compiled)
     fates = []
     for k in range(0, len(starts), 1024):
         part = starts[k : k + 1024]

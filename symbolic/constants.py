@@ -51,8 +51,16 @@ def _ball(expr: sympy.Expr) -> arb:
     if isinstance(expr, sympy.Pow) and isinstance(expr.exp, sympy.Rational):
         root = _ball(expr.base).root(int(expr.exp.q)) if expr.exp.q > 2 else _ball(expr.base)
         root = root.sqrt() if expr.exp.q == 2 else root
-        power = root ** abs(int(expr.exp.p))
+        power = _power(root, abs(int(expr.exp.p)))
         return 1 / power if expr.exp.p < 0 else power
     if expr.func in FUNCTION_BALLS:
         return FUNCTION_BALLS[expr.func](_ball(expr.args[0]))
     raise ValueError(f"{expr.func.__name__} is not part of an exact constant")
+
+
+def _power(base: arb, exponent: int) -> arb:
+    """By squaring: ``arb.__pow__`` knows nothing of a ball whose middle is 0."""
+    if exponent == 0:
+        return arb(1)
+    half = _power(base, exponent // 2)
+    return half * half * base if exponent % 2 else half * half

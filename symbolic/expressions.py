@@ -23,6 +23,8 @@ from symbolic.size import MAX_EXPONENT, MAX_ROOT_BITS, Size, size_of_power, size
 
 Names = Mapping[str, sympy.Expr] | Set[str]
 
+MAX_HEIGHT = 20  # of a constant; SymPy decides its sign in time that can double with every level
+
 _FUNCTIONS = {f.__name__: f for f in FUNCTION_BALLS} | {"sqrt": sympy.sqrt}
 _ATOMS = (sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))
 _HEADS = (sympy.Add, sympy.Mul, sympy.Pow, *FUNCTION_BALLS)
@@ -63,6 +65,7 @@ def parse_number(text: str, names: Mapping[str, sympy.Expr], *, where: Where) ->
     if not isinstance(expr, sympy.Rational):
         raise where.error(f"a rational number is needed, {quoted(text)} is not shown to be one")
     return as_fraction(expr)
+
 
 @dataclass(frozen=True)
 class _Value:
@@ -118,6 +121,12 @@ def _measured(expr: sympy.Expr) -> _Value:
     return _Value(expr, Size(0, 1, bits), enclose(expr))
 
 
+@lru_cache(maxsize=4096)
+def _height(expr: sympy.Expr) -> int:
+    """How many operations are on top of each other."""
+    return 1 + max(map(_height, expr.args)) if expr.args else 0
+
+
 def _bits(number: sympy.Rational) -> int:
     return int(number.p).bit_length() + int(number.q).bit_length()
 
@@ -157,8 +166,10 @@ def _checked(expr: sympy.Expr, size: Size, node: Node) -> _Value:
     """The node's value; a constant must be finite and real, and not too large."""
     if expr.free_symbols:
         return _Value(expr, size, None)
+    if _height(expr) > MAX_HEIGHT:
+        raise ExpressionError("the constant is nested too deeply", node.column)
     ball = enclose(expr)
-    if not ball.is_finite() or ball.abs_lower() > LARGEST:
+    if not ball.is_finite() or ball.abs_upper() > LARGEST:
         raise ExpressionError("the constant is not a finite real number of reasonable size", node.column)
     return _Value(expr, size, ball)
 

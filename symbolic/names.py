@@ -14,6 +14,7 @@ from symbolic.plant import COST_VARIABLE, symbol
 from symbolic.tables import Table, Value, constant, kind
 
 MAX_NAME = 40
+MAX_IRRATIONAL = 48
 
 _CHAIN = re.compile(r"x[0-9]+")
 
@@ -35,6 +36,8 @@ class Scope:
         for name, value in table.entries.items():
             self._check_new(name, table.at(name), constants)
             constants[name] = constant(value, table.at(name), constants)
+        if sum(not isinstance(value, sympy.Rational) for value in constants.values()) > MAX_IRRATIONAL:
+            raise table.where.error(f"more than {MAX_IRRATIONAL} constants that are not rational")
         return replace(self, constants=constants)
 
     def with_id(self, number: int) -> Scope:

@@ -330,7 +330,7 @@ def test_run_writes_three_files_and_says_what_the_summary_says(certified: Certif
 def test_run_names_its_steps_on_stderr(certified: Certified) -> None:
     steps = [line.split()[0] for line in certified.answer.err.splitlines()]
     once = [name for name, _ in groupby(steps)]
-    assert once == ["check", "derive", "gains", "verify", "simulate", "region", "runs", "falsify", "report"]
+    assert once == "check derive gains verify simulate region runs attraction falsify report".split()
 
 
 def test_gains_writes_the_certificate_that_run_wrote(certify: Certify, certified: Certified, tmp_path: Path) -> None:
@@ -379,6 +379,21 @@ def test_falsify_tells_the_margin_it_found(certify: Certify, certified: Certifie
     assert (answer.code, answer.json["status"], answer.json["result"]) == (0, "holds", "survived")
     assert 0 <= answer.json["margin"] < 1 and answer.json["witness"] is None
     assert [tried["agent"] for tried in answer.json["tried"]] == [1, 2]
+
+
+def test_falsify_searches_the_agents_and_the_time_it_is_told(certify: Certify, certified: Certified) -> None:
+    chosen = ("falsify", certified.plant, certified.certificate, "--budget", "8", "--json", "--agent", "2")
+    answer = certify(*chosen, "--horizon", "30")
+    assert (answer.code, [tried["agent"] for tried in answer.json["tried"]]) == (0, [2])
+    assert certify(*chosen).json["tried"][0]["worst"] != answer.json["tried"][0]["worst"]
+    assert_one_complaint(certify(*chosen[:-1], "7"), "there is no agent 7")
+    assert_one_complaint(certify(*chosen, "--horizon", "-1"), "a horizon > 0")
+
+
+def test_run_searches_on_the_scheduler_it_is_given(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="the extra cluster is not installed")
+    answer = certify("run", certified.plant, "-o", tmp_path, "--scheduler", "nothing://here")
+    assert answer.code == 2 and "no Dask scheduler answers at 'nothing://here'" in answer.err
 
 
 def test_falsify_refuses_a_scheduler_that_is_not_there(certify: Certify, certified: Certified) -> None:

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import pytest
 from closed_loops import controller_for
 
 from sims import ensemble
+from sims.cross_check import cross_check
 from sims.executors import run_tasks
 from sims.falsifier import falsify
 from symbolic.controller import Controller
@@ -132,6 +134,12 @@ def test_the_search_is_the_same_on_a_cluster(five_agents: Plant, good: Controlle
     search = partial(falsify, five_agents, good, budget=6, agents=[1, 3], seed=1, horizon=25)
     assert search(scheduler=cluster.scheduler_address, progress=said.append) == search()
     assert [line.split(":")[0] for line in said] == ["agent 1", "agent 3"]
+
+
+def test_the_cross_check_is_the_same_on_a_cluster(five_agents: Plant, good: Controller, cluster: Any) -> None:
+    check = partial(cross_check, five_agents, good, count=3, seed=2, horizon=25, budget_seconds=300)
+    alone, divided = check(), check(scheduler=cluster.scheduler_address)
+    assert replace(divided, seconds=0.0, reason="") == replace(alone, seconds=0.0, reason="") and alone.count == 15
 
 
 def test_a_task_that_lost_its_worker_is_run_again(cluster: Any, tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import pytest
 from refutable.defects import COSTLY, DEFECTS
 from refutable.network import Network, healthy
-from refutable.trial import attempt
+from refutable.trial import Tally, attempt, trial
 
-pytestmark = pytest.mark.slow
+from certify import pipeline
 
 
 @pytest.mark.parametrize("defect", DEFECTS, ids=lambda defect: defect.__name__)
@@ -33,3 +33,21 @@ def test_networks_without_a_defect_do_get_one() -> None:
     """The generator's other parts are in order: what is refused above is refused for its defect."""
     outcomes = [attempt(healthy(random.Random(f"healthy/{seed}"), most=2).text(), "recipe")[0] for seed in range(4)]
     assert outcomes.count("certified") >= 3, outcomes
+
+
+def test_exceptions_are_counted_as_failures(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*arguments: object) -> None:
+        raise ZeroDivisionError("in the tool")
+
+    monkeypatch.setattr("refutable.trial.design_gains", broken)
+    tally = Tally()
+    trial(0, 5, "recipe", tally)
+    assert [reason for _, reason, _ in tally.faults] == ["ZeroDivisionError: in the tool"]
+    assert not tally.certified
+
+
+def test_time_limit_ends_the_search_of_the_direct_route(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a worker the pipeline makes no processes of its own, which an alarm would not reach."""
+    monkeypatch.setattr(pipeline, "MOST_WORKERS", 1)
+    monkeypatch.setattr(pipeline, "tube_agent", lambda *arguments: any(zero for zero in iter(int, 1)))
+    assert attempt(healthy(random.Random("limit"), least=2).text(), "direct", seconds=1)[0] == "too long"

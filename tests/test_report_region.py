@@ -294,10 +294,13 @@ def test_how_a_search_ends() -> None:
     assert ending(checked(10, 0)) == "survived"
     assert ending(checked(10, 5)) == ending(checked(0, 0)) == "inconclusive"
     assert ending(checked(10, 0, object())) == "refuted"
-    none = "10 trajectories, none breaks the claim"
+    none = "10 trajectories (10 of each agent), none breaks the claim, worst margin 0.5"
     assert sentence(checked(10, 0), 1) == none
     assert sentence(checked(10, 1), 1) == f"{none}; 1 could not be integrated in floats"
     assert sentence(checked(10, 0), 4) == f"{none}; the time did not suffice for agents 2–4"
+    uneven = replace(checked(10, 0), count=13, tried=(Tried(1, 10, 0, 0, 0.0, 1.0), Tried(2, 3, 0, 0, 0.0, 1.0)))
+    assert sentence(uneven, 2).startswith("13 trajectories (3 to 10 of each agent), none")
+    assert search_fields(uneven, 2)["agents"] == [{"id": 1, "trajectories": 10}, {"id": 2, "trajectories": 3}]
     assert search_fields(None, 1)["status"] == "left out"
     assert search_fields(checked(0, 0), 1)["margin"] is None
 

@@ -10,19 +10,17 @@ from typing import Any
 
 import pytest
 from tamper.bases import SMALL, Base, encode, make_base
-from tamper.corpus import corpus
+from tamper.corpus import corpus, every_number
 from tamper.judge import Tally, judge
 from tamper.mutations import Mutant, at, paths, plant_edits, replaced, systematic
 from tamper.recompute import why_not_proved
-from tamper.values import changes
+from tamper.values import changes, is_number
 
 from certify.checker import check
 
-pytestmark = pytest.mark.slow
 
-
-def base_of(name: str) -> Base:
-    base = make_base(SMALL / f"{name}.toml")
+def base_of(name: str, route: str = "recipe") -> Base:
+    base = make_base(SMALL / f"{name}.toml", route)
     assert base is not None
     return base
 
@@ -32,19 +30,24 @@ def bases() -> list[Base]:
     return [base_of("small_first_order"), base_of("small_second_order")]
 
 
-def test_no_mutant_of_a_slice_is_accepted_wrongly(bases: list[Base]) -> None:
+@pytest.mark.parametrize("count", [250, pytest.param(3000, marks=pytest.mark.slow)])
+def test_no_mutant_of_a_slice_is_accepted_wrongly(bases: list[Base], count: int) -> None:
+    bases = [*bases, base_of("small_first_order", "direct")]
     tally = Tally()
-    mutants = list(corpus(bases, 400, seed=0))
+    mutants = list(corpus(bases, count, seed=0))
     for mutant in mutants:
         judge(bases[mutant.base], mutant, tally)
+    assert tally.total == count
+    assert {mutant.base for mutant in mutants} == {0, 1, 2}
     assert [(reason, mutant.operator, mutant.path) for reason, mutant in tally.wrong] == []
     assert [reason for reason, _ in tally.faults] == []
-    assert min(tally.classes[name] for name in ("malformed", "rejected", "equivalent")) > 10
+    assert min(tally.classes[name] for name in ("malformed", "rejected", "equivalent")) > 5
 
 
-def test_every_path_of_the_certificate_matters_or_is_a_note(bases: list[Base]) -> None:
+@pytest.mark.parametrize("route", ["recipe", pytest.param("direct", marks=pytest.mark.slow)])
+def test_every_path_of_the_certificate_matters_or_is_a_note(route: str) -> None:
     """For every number there is a change that is not accepted; only the producer's note is free."""
-    base, rng = bases[0], random.Random(0)
+    base, rng = base_of("small_first_order", route), random.Random(0)
     for path in paths(base.certificate):
         if path[:1] == ("producer",) or not isinstance(at(base.certificate, path), str):
             continue
@@ -76,6 +79,26 @@ def test_equivalent_means_the_same_claim_and_other_claims_are_proved_again(bases
     smaller = replaced(base.certificate, ("claim", "agents", 0, "delta"), str(delta / 100))
     assert judge(base, Mutant(0, "δ/100", "claim", smaller), tally) == "rejected"
     assert not tally.wrong
+
+
+@pytest.mark.slow
+def test_every_number_of_a_direct_certificate_is_changed_once() -> None:
+    base, tally = base_of("small_first_order", "direct"), Tally()
+    mutants = list(every_number([base], seed=0))
+    assert len(mutants) == sum(is_number(at(base.certificate, path)) for path in paths(base.certificate))
+    for mutant in mutants:
+        judge(base, mutant, tally)
+    assert not tally.wrong
+    assert not tally.faults
+
+
+def test_other_claims_of_the_direct_route_are_proved_again() -> None:
+    base, tally = base_of("small_first_order", "direct"), Tally()
+    delta = Fraction(base.certificate["claim"]["agents"][0]["delta"])
+    larger = replaced(base.certificate, ("claim", "agents", 0, "delta"), str(delta + 1))
+    assert judge(base, Mutant(0, "δ + 1", "claim", larger), tally) == "other claim, proved again"
+    weaker = replaced(base.certificate, ("claim", "agents", 0, "K"), "1/1000")
+    assert why_not_proved(base.plant, weaker) is not None
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@
     atom    = number | name | function "(" sum ")" | "(" sum ")"
 
 Rational constants are folded exactly while parsing, so a ``Number`` is exact and everything else is not known to be.
+Every part without names must be enclosed by an interval: ``log(0)`` or ``1/(sqrt(2) - sqrt(2))`` is no expression.
 """
 
 from __future__ import annotations
@@ -15,18 +16,24 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import compress
 from math import isqrt
 from typing import Any
 
-from certify.checker.verdict import Malformed, spend
+from certify.checker import functions
+from certify.checker.intervals import Interval, enclose
+from certify.checker.verdict import Malformed, Undecided, spend
 
 FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "atan", "sinh", "cosh")
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 24
-MAX_NODES = 2_000
+MAX_NODES = 2_000  # as written
+MAX_SIZE = 20_000  # with the names replaced by what they stand for
+MAX_HEIGHT = 100  # of what a name stands for
 MAX_EXPONENT = 64
 MAX_BITS = 10_000
+LARGEST = 1 << MAX_BITS
 MAX_DIGITS = 1_000
 MAX_DECIMAL_EXPONENT = 400
 
@@ -136,14 +143,19 @@ def names_in(node: Node) -> set[str]:
             return names_in(inner)
 
 
-def _size(node: Node) -> int:
+def measure(node: Node) -> tuple[int, int]:
+    """How many nodes the tree has, and how many of them are on top of each other. Raises ``Malformed``."""
     match node:
         case Sum(parts) | Product(parts):
-            return 1 + sum(_size(part) for part, _ in parts)
+            below = [measure(part) for part, _ in parts]
         case Power(inner, _) | Call(_, inner):
-            return 1 + _size(inner)
+            below = [measure(inner)]
         case _:
-            return 1
+            return 1, 0
+    height = 1 + max(high for _, high in below)
+    if height > MAX_HEIGHT:
+        raise Malformed("a constant is nested too deeply")
+    return 1 + sum(size for size, _ in below), height
 
 
 def terms_of(node: Node) -> list[Node]:
@@ -168,8 +180,7 @@ class _Parser:
         self.text = text
         self.names = names
         self.kind, self.token, self.position = "", "", 0
-        self.nodes = 0
-        self.depth = 0
+        self.nodes = self.size = self.depth = 0
         self.step()
 
     def step(self) -> str:
@@ -178,20 +189,22 @@ class _Parser:
         match = _TOKEN.match(self.text, self.position)
         if match is None:
             raise Malformed(f"column {self.position + 1}: unexpected character in an expression")
-        self.count(1)
         spend(50)
-        self.kind, self.token, self.position = str(match.lastgroup), match[str(match.lastgroup)], match.end()
-        return before
-
-    def count(self, nodes: int) -> None:
-        self.nodes += nodes
+        self.nodes += match.lastgroup != "end" and match["op"] not in ("(", ")")
         if self.nodes > MAX_NODES:
             raise Malformed("the expression has too many parts")
+        self.kind, self.token, self.position = str(match.lastgroup), match[str(match.lastgroup)], match.end()
+        return before
 
     def whole(self) -> Node:
         node = self.sum()
         if self.kind != "end":
             raise self.fault("an operator")
+        try:
+            if _is_constant(node):
+                evaluate(node, {}, enclose, _bounded_call)
+        except Undecided as reason:
+            raise Malformed(f"a constant is not a real number of reasonable size: {reason}") from None
         return node
 
     def fault(self, wanted: str) -> Malformed:
@@ -251,8 +264,11 @@ class _Parser:
             return _folded(Call(token, self.group()))
         if token not in self.names:
             raise Malformed(f"the name {token[:40]} is not known here")
-        self.count(_size(self.names[token]))
-        return self.names[token]
+        node = self.names[token]
+        self.size += 1 if isinstance(node, (Name, Number)) else measure(node)[0]
+        if self.size > MAX_SIZE:
+            raise Malformed("the expression has too many parts")
+        return node
 
     def group(self) -> Node:
         node = self.nested(self.sum)
@@ -260,6 +276,29 @@ class _Parser:
             raise self.fault("')'")
         self.step()
         return node
+
+
+def _is_constant(node: Node) -> bool:
+    """Whether there are no names in it; if there are, its largest parts without names are enclosed."""
+    match node:
+        case Sum(pairs) | Product(pairs):
+            parts = tuple(part for part, _ in pairs)
+        case Power(inner, _) | Call(_, inner):
+            parts = (inner,)
+        case _:
+            return isinstance(node, Number)
+    constant = [_is_constant(part) for part in parts]
+    if not all(constant):
+        for part in compress(parts, constant):
+            evaluate(part, {}, enclose, _bounded_call)
+    return all(constant)
+
+
+def _bounded_call(function: str, argument: Interval) -> Interval:
+    value = functions.call(function, argument)
+    if value.lower > LARGEST or value.upper < -LARGEST:
+        raise Undecided(f"{function} of {argument}")
+    return value
 
 
 def _folded(node: Node) -> Node:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from certify.checker.expressions import FUNCTIONS, NAME, Name, Node, Number, decimal, parse
+from certify.checker.expressions import FUNCTIONS, NAME, Name, Node, Number, decimal, measure, parse
 from certify.checker.linear import Matrix
 from certify.checker.verdict import Malformed
 
@@ -19,12 +19,14 @@ MAX_BYTES = 1_000_000
 MAX_AGENTS = 1_000
 MAX_ORDER = 16
 MAX_NAMES = 64
+MAX_IRRATIONAL = 48
 MAX_ENTRIES = 10_000
 
 Box = tuple[Fraction, Fraction]
 _EDGE = re.compile(r"\s*([0-9]{1,9})\s*->\s*([0-9]{1,9})\s*")
 _RANGE = re.compile(r"\s*([0-9]{1,9})\s*(?:-|\.\.)\s*([0-9]{1,9})\s*")
-_DEEP_KEY = re.compile(rb"(?:\.[^.\n\"'=\[\]]*){32}")
+_KEY_PART = rb"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
+_DEEP_KEY = re.compile(rb"(?<![A-Za-z0-9_-])(?:" + _KEY_PART + rb"){32}")  # on which tomllib takes quadratic time
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,10 @@ def _constants(known: Mapping[str, Node], table: Any, taken: set[str]) -> dict[s
     constants = dict(known)
     taken.update(constants)
     for name, value in _any_keys(table).items():
-        constants[_declared(name, taken)] = _expression(value, constants)
+        constants[_declared(name, taken)] = node = _expression(value, constants)
+        measure(node)
+    if sum(not isinstance(node, Number) for node in constants.values()) > MAX_IRRATIONAL:
+        raise Malformed(f"more than {MAX_IRRATIONAL} constants that are not known to be rational")
     return constants
 
 
@@ -232,7 +237,7 @@ def _agents(value: Any, initial: Any, size: int, constants: Mapping[str, Node], 
             agents[number] = _agent(table, number, initial, constants, v)
     if len(agents) < size:
         raise Malformed("an agent has no [[agent]] table")
-    _check_components(initial, agents.values())
+    _check_unused(initial, agents.values(), {**constants, "id": Number(Fraction(1))})
     return tuple(agents[number] for number in range(1, size + 1))
 
 
@@ -300,15 +305,18 @@ def _components(initial: Mapping[str, Any], key: str, names: Sequence[str], cons
     if isinstance(value, dict):
         return tuple(_default({"box": initial.get("box"), **value}, name, constants) for name in names)
     if isinstance(value, list) and names and not _is_box(value):
+        if not all(map(_is_box, value)):
+            raise Malformed(f"initial.{key}: one pair for every component is needed")
         return tuple(_box(entry, constants) for entry in _list(value, len(names)))
     return tuple(_default(initial, key, constants) for _ in names)
 
 
-def _check_components(initial: Mapping[str, Any], agents: Any) -> None:
-    """Refuses a component that no agent has."""
-    agents = list(agents)
-    names = {"z": {name for agent in agents for name in agent.zero_states},
-             "x": {name for agent in agents for name in agent.chain}}
-    for key in ("z", "x", "observer"):
-        if isinstance(initial.get(key), dict):
-            _keys(initial[key], "", " ".join(names["z" if key == "z" else "x"]))
+def _check_unused(initial: Mapping[str, Any], agents: Collection[Agent], constants: Mapping[str, Node]) -> None:
+    """Refuses a component that no agent has, and what is no box where no agent needs one."""
+    z = {name for agent in agents for name in agent.zero_states}
+    x = {name for agent in agents for name in agent.chain}
+    for key, names in (("box", set()), ("z", z), ("x", x), ("observer", x)):
+        if isinstance(initial.get(key), dict) and key != "box":
+            _keys(initial[key], "", " ".join(names))
+        elif key in initial and not names:
+            _box(initial[key], constants)

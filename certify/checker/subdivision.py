@@ -36,7 +36,16 @@ def supremum(function: Callable[[Box], Interval], box: Box, names: Collection[st
 
 def value_range(function: Callable[[Box], Interval], box: Box, names: Collection[str], cuts: int = CUTS) -> Interval:
     """An enclosure of the function's values on the box."""
-    return between(-supremum(lambda piece: -function(piece), box, names, cuts), supremum(function, box, names, cuts))
+    known: dict[tuple[tuple[int, int, int], ...], Interval] = {}
+
+    def once(piece: Box) -> Interval:
+        key = tuple((x.a, x.b, x.e) for x in (piece[name] for name in cut))
+        if key not in known:
+            known[key] = function(piece)
+        return known[key]
+
+    cut = [name for name in names if name in box]
+    return between(-supremum(lambda piece: -once(piece), box, names, cuts), supremum(once, box, names, cuts))
 
 
 def halves(box: Box, name: str) -> list[Box]:

@@ -1,7 +1,7 @@
 """Ranges of the zero dynamics' states themselves, beside those of ``z̄`` (docs/certificate-direct.md section 4).
 
-``z̄(0) = z(0) − z*`` is large where the steady state is, though ``z(0)`` is not: products with ``z`` would be bounded by a
-value that ``z`` reaches only later.
+``z̄(0) = z(0) − z*`` is large where the steady state is, though ``z(0)`` is not: products with ``z`` would be bounded by
+a value that ``z`` reaches only later.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Interval arithmetic on pairs of floats without outward rounding: for the search, which only needs estimates.
 
-The same functions as ``certify.bounds.ranges``, several times as fast; what the search finds is proved with rounded ones.
+The same functions as ``certify.bounds.ranges``, several times as fast; what the search finds is proved with rounded
+ones.
 """
 
 from __future__ import annotations

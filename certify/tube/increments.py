@@ -48,9 +48,7 @@ class Increments:
         others = [self.optimum, *moment.v, *self.parameters]
 
         def row(function: FloatProgram, count: int) -> tuple[Range, ...]:
-            return tuple(
-                function.secant([*moved[: k + 1], *rest[k + 1 :], *others], k, rest[k]) for k in range(count)
-            )
+            return tuple(function.secant([*moved[: k + 1], *rest[k + 1 :], *others], k, rest[k]) for k in range(count))
 
         return Slopes(tuple(row(f0, self.zeros + 1) for f0 in self.f0), row(self.f1, self.zeros + self.order))
 

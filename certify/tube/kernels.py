@@ -129,7 +129,7 @@ def _block_norms(modes: Modes) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Basis:
-    """The exponentials on the cells: a positive coefficient counts by the end of a cell, a negative one by its start."""
+    """Exponentials on the cells: a positive coefficient counts by the end of a cell, a negative one by its start."""
 
     def __init__(self, ends: np.ndarray, rates: np.ndarray) -> None:
         self.first, self.last = np.exp(-np.outer(ends[:-1], rates)), np.exp(-np.outer(ends[1:], rates))
@@ -154,9 +154,7 @@ class Basis:
         return (positive - negative) * largest * (1 + MARGIN)
 
 
-def _tail_excess(
-    modes: Modes, i: int, j: int, rates: np.ndarray, end: float, coefficients: np.ndarray
-) -> float:
+def _tail_excess(modes: Modes, i: int, j: int, rates: np.ndarray, end: float, coefficients: np.ndarray) -> float:
     """What the slowest coefficient lacks to cover everything after the last cell."""
     left, right = _block_norms(modes)
     later = float(np.sum(left[i] * right[:, j] * np.exp(-(modes.decay - rates[0]) * end)))

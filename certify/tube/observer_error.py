@@ -32,7 +32,8 @@ def observer_decay(observer: Matrix) -> ObserverDecay | None:
     size, norm = len(observer), float(np.abs(E3).sum(axis=1).max())
     width = 2.0 ** -np.ceil(np.log2(CELLS_PER_NORM * norm))
     step, spread = expm(E3 * width), expm(np.abs(E3) * width)
-    flow, bounds, integral = np.eye(size), [], np.zeros((size, size))
+    flow, integral = np.eye(size), np.zeros((size, size))
+    bounds: list[np.ndarray] = []
     while np.abs(flow).sum(axis=1).max() > NEGLIGIBLE:
         if len(bounds) >= MOST_CELLS:
             return None

@@ -11,8 +11,8 @@ import numpy as np
 from certify.agent_model import AgentModel
 from certify.tube.direct_ranges import move
 from certify.tube.increments import Increments, Ranges, Slopes
-from certify.tube.ranges import magnitude
 from certify.tube.observer_error import ObserverError
+from certify.tube.ranges import magnitude
 from certify.tube.surroundings import Moment, Surroundings, steady_trajectory_range
 
 INFLATION = 1.05
@@ -237,9 +237,7 @@ class Reaching:
         x[-1] = min(x[-1], vartheta + float(self.theta[:-1] @ x[:-1]))
         return Instant(now.time + length, Magnitudes(z, x, vartheta, zeta), speed, known), needed
 
-    def _slope_bound(
-        self, slopes: Slopes, box: Magnitudes, moment: Moment, scale: float, shift: np.ndarray
-    ) -> float:
+    def _slope_bound(self, slopes: Slopes, box: Magnitudes, moment: Moment, scale: float, shift: np.ndarray) -> float:
         """A bound of ``|scale·Δf + shift·x̄|``."""
         zeros = self.increments.zeros
         along = [magnitude((scale * lo, scale * hi)) * bound for (lo, hi), bound in zip(slopes.f1, box.z, strict=False)]

@@ -14,12 +14,15 @@ from symbolic.plant import RequestedGains
 FIRST_G = (Fraction(3), Fraction(2), Fraction(1))
 LARGER_G = (Fraction(4), Fraction(6), Fraction(8))
 RUNGS_ABOVE = 1
-_RUNGS = "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 110 130 145 160 180 200 250 300 375 450 550 700 1000 1500 2200 3300 5000"
+_RUNGS = (
+    "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700"
+    " 1000 1500 2200 3300 5000"
+)
 LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
 HIGHER = tuple(Fraction(10) ** k for k in (4, 5, 6))
-START = LADDER.index(Fraction(1000))
+START = LADDER.index(Fraction(300))
 RATIOS = tuple(Fraction(k) for k in (5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 60, 100, 200, 400, 1000))
-FIRST_RATIO = RATIOS.index(Fraction(100))
+FIRST_RATIOS = tuple(Fraction(k) for k in (25, 100, 400))
 
 
 @dataclass(frozen=True)
@@ -50,11 +53,17 @@ def search_gains(
     least_K = finder.lower_K(first)
     least_h = finder.lower_h(least_K)
     balanced = min(finder.passed, key=lambda trial: (trial.gains.K * (trial.gains.h or 1), trial.gains.K))
-    chosen = [Choice("balanced", "the least product K·h of all gains that passed", balanced)]
-    if least_K is not balanced:
-        chosen.append(Choice("least K", "the least feedback gain that passed", least_K))
-    if least_h is not balanced and least_h is not least_K:
-        chosen.append(Choice("least h", "the least observer gain that passed", least_h))
+    least_delta = min(finder.passed, key=lambda trial: (trial.delta, trial.gains.K * (trial.gains.h or 1)))
+    candidates = (
+        Choice("balanced", "the least product K·h of all gains that passed", balanced),
+        Choice("least K", "the least feedback gain that passed", least_K),
+        Choice("least h", "the least observer gain that passed", least_h),
+        Choice("least delta", "the least saturation level, so the least peak of the input, that passed", least_delta),
+    )
+    chosen: list[Choice] = []
+    for candidate in candidates:
+        if all(candidate.trial is not other.trial for other in chosen):
+            chosen.append(candidate)
     return tuple(chosen)
 
 
@@ -101,7 +110,7 @@ class _Finder:
         """Some gains that pass: upwards in ``K`` and ``h/K``."""
         several = FIRST_G if self.requested.K is None else tuple(dict.fromkeys(FIRST_G + LARGER_G))
         for K in (*LADDER[START:], *HIGHER):
-            for ratio in RATIOS[FIRST_RATIO:]:
+            for ratio in FIRST_RATIOS:
                 for g in several if self.observed else FIRST_G[-1:]:
                     found = self.attempt(g, K, ratio)
                     if found is not None:
@@ -139,7 +148,8 @@ class _Finder:
             return best
         rung = _rung(start)
         for K in dict.fromkeys((start.gains.K, *LADDER[rung + 1 : rung + 1 + RUNGS_ABOVE])):
-            below, above = -1, next((k for k, ratio in enumerate(RATIOS) if ratio >= self._ratio(best)), len(RATIOS) - 1)
+            wanted = self._ratio(best)
+            below, above = -1, next((k for k, ratio in enumerate(RATIOS) if ratio >= wanted), len(RATIOS) - 1)
             while above - below > 1:
                 middle = (below + above) // 2
                 found = self.attempt(start.gains.g, K, RATIOS[middle])

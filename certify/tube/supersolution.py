@@ -13,7 +13,8 @@ from certify.tube.surroundings import Moment, Surroundings
 
 INFLATION = 1.01
 DRIVE_MARGIN = 1.001
-STEP_MARGIN = 1e-3
+STEP_MARGIN = 1e-2
+SUBSTEPS = 10
 FIRST_STEP = 1.0
 LARGEST_STEP = 0.2
 BENT = 1.2
@@ -98,14 +99,19 @@ class Comparison:
     ) -> tuple[np.ndarray, np.ndarray]:
         """The state after the step and the bounds of the outputs during it, given a box for it."""
         level = self.drive(self.inputs(box, moment, known)) / self.kernels.rates
-        kept = np.exp(-self.kernels.rates * length)
-        following = kept * p + (1 - kept) * level
-        rise = np.maximum(following - p, 0)
-        curvature = (self.kernels.rates * length) ** 2 / 8
-        bend = np.minimum(rise, curvature * np.maximum(level - p, 0))
-        chord = np.maximum(p.sum(axis=1), following.sum(axis=1)) + bend.sum(axis=1)
-        loose = (np.minimum(curvature, 1) * (np.abs(p) + np.abs(level))).sum(axis=1)
-        return following, np.minimum(p.sum(axis=1) + rise.sum(axis=1), chord) + STEP_MARGIN * loose
+        apart = p - level
+        left, bends = self.instants(length)
+        sums = level.sum(axis=1)[:, None] + apart @ left.T
+        over = np.maximum(-apart, 0) @ bends.T + STEP_MARGIN * (np.abs(apart) @ bends.T)
+        reached = (np.maximum(sums[:, :-1], sums[:, 1:]) + over).max(axis=1)
+        return level + apart * left[-1], reached
+
+    def instants(self, length: float) -> tuple[np.ndarray, np.ndarray]:
+        """``e^{−μ_a τ_k}`` at ``τ_0 = 0, τ_k = Δ 2^{k−SUBSTEPS}``, and how far a rising term is above its chord between
+        them."""
+        times = length * np.append(0.0, 2.0 ** np.arange(1 - SUBSTEPS, 1))
+        left, turns = np.exp(-np.outer(times, self.kernels.rates)), np.outer(np.diff(times), self.kernels.rates)
+        return left, left[:-1] * np.minimum(-np.expm1(-turns), turns**2 / 8)
 
 
 def tube(

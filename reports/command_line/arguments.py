@@ -26,3 +26,9 @@ class Route(StrEnum):
 
 
 RouteOption = Annotated[Route, typer.Option("--route", help="How the gains are found.")]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Dask scheduler to search on (extra cluster).", show_default=False
+    ),
+]

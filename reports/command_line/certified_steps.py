@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 from certify.coordinator.envelope import Envelope
 from reports.certificate_view import CertifiedGains, certified_gains
@@ -16,11 +17,15 @@ from reports.region_bounds import signal_bounds
 from reports.study import Study, conclusion
 from sims.closed_loop import simulate
 from sims.cross_check import cross_check
+from sims.executors import processors
+from sims.region import region_slices
 from sims.scenario import random_scenario
 
 SEED = 0
 RUNS = 4
-SEARCHED = 60  # trajectories per agent
+SEARCHED = 2000  # trajectories per agent
+SLICED, SLICED_SLOWLY = 6, 3  # agents, with and without the compiled integrator
+POINTS, POINTS_SLOWLY = 19, 13
 
 
 def with_region(study: Study, steps: Steps) -> Study:
@@ -62,8 +67,39 @@ def with_runs(study: Study, steps: Steps) -> Study:
     return replace(study, runs=runs, seed=SEED)
 
 
-def with_search(study: Study, steps: Steps) -> Study:
-    """Random trajectories that might break the claim or leave the region, as many as the time allows."""
+def with_slices(study: Study, steps: Steps, scheduler: str | None = None) -> Study:
+    """The simulated region of attraction of the first agents, on planes through the middle of their boxes.
+
+    Where it runs is chosen as for :func:`with_search`.
+    """
+    certified = certified_gains(study.found_certificate)
+    if certified is None or certified.too_large or not conclusion(study).verified:
+        return study
+    compiled = _compiled(scheduler)
+    agents = [agent.id for agent in study.plant.agents][: SLICED if compiled else SLICED_SLOWLY]
+    with steps.step("attraction") as report:
+        controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")
+        found = region_slices(
+            study.plant,
+            controller,
+            agents,
+            points=POINTS if compiled else POINTS_SLOWLY,
+            horizon=HORIZON,
+            seed=SEED,
+            compiled=compiled,
+            workers=1 if compiled else processors(),
+            scheduler=scheduler,
+        )
+        starts = sum(part.fates.size for part in found)
+        report(f"{starts} starts on {len(found)} planes" if found else "no agent has two plant states")
+    return replace(study, slices=found)
+
+
+def with_search(study: Study, steps: Steps, scheduler: str | None = None) -> Study:
+    """Random trajectories that might break the claim or leave the region, as many as the time allows.
+
+    On the workers of a Dask ``scheduler``; else compiled where the extra ``fast`` is installed, in processes if not.
+    """
     certified = certified_gains(study.found_certificate)
     if certified is None or not conclusion(study).verified:
         steps.note("falsify", "left out: there is no verified certificate")
@@ -72,6 +108,7 @@ def with_search(study: Study, steps: Steps) -> Study:
         steps.note("falsify", "left out: no integrator in floats follows gains this large")
         return study
     bounds = () if study.region is None else signal_bounds(study.region)
+    compiled = _compiled(scheduler)
     with steps.step("falsify") as report:
         controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")
         found = cross_check(
@@ -81,10 +118,17 @@ def with_search(study: Study, steps: Steps) -> Study:
             budget_seconds=SECONDS,
             seed=SEED,
             bounds=bounds,
+            compiled=compiled,
+            workers=1 if compiled else processors(),
+            scheduler=scheduler,
             progress=report.progress,
         )
         report(found.reason if found.broken else sentence(found, len(study.plant.agents)))
     return replace(study, search=found, seed=SEED)
+
+
+def _compiled(scheduler: str | None) -> bool:
+    return scheduler is None and find_spec("numba") is not None
 
 
 def _envelope(study: Study, certified: CertifiedGains) -> Envelope | str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from certify.files import require_writable, write_atomically
-from reports.command_line.arguments import CertificateArgument, JsonOption, PlantArgument
+from reports.command_line.arguments import CertificateArgument, JsonOption, PlantArgument, SchedulerOption
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.steps import Steps
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from sims.falsifier import FalsifierResult
 
 BUDGET = 1000
+HORIZON = 40.0
 STATUS = {"refuted": "refuted", "survived": "holds", "inconclusive": "inconclusive"}
 
 
@@ -30,10 +31,12 @@ def command(
     budget: Annotated[int, typer.Option(help="Trajectories for each agent, about.", min=1, max=10**7)] = BUDGET,
     seed: Annotated[int, typer.Option(help="The same seed gives the same search.", min=0, max=2**32)] = 0,
     fast: Annotated[bool, typer.Option("--fast", help="Compiled integrator (extra fast).")] = False,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Dask scheduler to search on (extra cluster).", show_default=False),
+    horizon: Annotated[float, typer.Option(metavar="SECONDS", help="Length of a trajectory.")] = HORIZON,
+    agents: Annotated[
+        list[int] | None,
+        typer.Option("--agent", metavar="ID", help="Only this agent; may be repeated.", show_default=False),
     ] = None,
+    scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Search for a trajectory that breaks the claim. Finding none proves nothing."""
@@ -54,6 +57,8 @@ def command(
             controller,
             budget=budget,
             seed=seed,
+            horizon=horizon,
+            agents=agents,
             compiled=fast,
             progress=report.progress,
             scheduler=scheduler,

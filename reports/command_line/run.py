@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from certify.files import make_folder, write_atomically
-from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, Route, RouteOption
+from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, Route, RouteOption, SchedulerOption
 from reports.command_line.drawing import prepare_drawing
 from reports.command_line.gains import gains_table
 from reports.command_line.outcome import Outcome, finish, naming
@@ -17,10 +17,15 @@ if TYPE_CHECKING:
     from reports.study import Study
 
 CERTIFICATE, REPORT, SUMMARY, WITNESS = "certificate.json", "report.pdf", "summary.json", "witness.json"
+PICTURE = "region.svg"
 
 
 def command(
-    plant: PlantArgument, output: FolderOption, route: RouteOption = Route.DIRECT, as_json: JsonOption = False
+    plant: PlantArgument,
+    output: FolderOption,
+    route: RouteOption = Route.DIRECT,
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Check, derive, find gains, verify, simulate, search for counterexamples and write the report."""
     from symbolic.plant_file import load_plant
@@ -34,7 +39,7 @@ def command(
     steps = Steps()
     with naming(plant):
         begun = started(loaded, ["run", plant, "-o", output, "--route", route.value])
-        study = studied(begun, plant, output, route.value, steps)
+        study = studied(begun, plant, output, route.value, steps, scheduler)
     with steps.step("report") as report:
         build_report(study, output / REPORT)
         report(str(output / REPORT))
@@ -43,11 +48,13 @@ def command(
     finish(result, as_json)
 
 
-def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps) -> Study:
+def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps, scheduler: str | None = None) -> Study:
     """All steps up to the report; what a failed assumption makes pointless is left out."""
     from certify.certificate import write_certificate
+    from reports.attraction import attraction_figure
     from reports.command_line import study_steps as step
-    from reports.command_line.certified_steps import with_region, with_runs, with_search
+    from reports.command_line.certified_steps import with_region, with_runs, with_search, with_slices
+    from reports.figures import svg
 
     file = folder / CERTIFICATE
     study = step.with_check(study, steps)
@@ -61,7 +68,12 @@ def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps) -
         study = step.with_certificate(study, certificate, plant, file, steps)
     study = step.with_simulation(study, steps)
     study = with_runs(with_region(study, steps), steps)
-    study = with_search(study, steps)
+    study = with_slices(study, steps, scheduler)
+    if study.slices:
+        write_atomically(folder / PICTURE, svg(attraction_figure(study.slices)).encode())
+    else:
+        (folder / PICTURE).unlink(missing_ok=True)
+    study = with_search(study, steps, scheduler)
     witness = None if study.search is None else study.search.broken
     if witness is None:
         (folder / WITNESS).unlink(missing_ok=True)

@@ -9,6 +9,7 @@ import os
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from tests.tamper.bases import encode, make_base, small_plants
@@ -35,8 +36,8 @@ def main(arguments: list[str]) -> int:
         for worker in range(options.workers)
     ]
     total = Tally()
-    with multiprocessing.get_context("spawn").Pool(options.workers) as pool:
-        for tally in pool.imap_unordered(share, tasks):
+    with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for tally in pool.map(share, tasks):
             total.add(tally)
     _print(total, time.monotonic() - start)
     for number, (reason, data) in enumerate(total.faults + total.disagreements):
@@ -44,7 +45,7 @@ def main(arguments: list[str]) -> int:
         if options.output:
             options.output.mkdir(parents=True, exist_ok=True)
             (options.output / f"{number}.bin").write_bytes(data)
-    return 1 if total.faults or not total.inputs else 0
+    return 1 if total.faults or total.disagreements or not total.inputs else 0
 
 
 def _print(tally: Tally, seconds: float) -> None:
@@ -55,6 +56,7 @@ def _print(tally: Tally, seconds: float) -> None:
     for (reader, how, outcome), number in sorted(tally.outcomes.items()):
         print(f"  {reader:24}{how:12}{outcome:10}{number:8}")
     kinds = Counter(reason.partition(" (")[0].partition(": ")[0] for reason, _ in tally.disagreements)
+    print(f"files that the tool's reader alone refuses, since it will not compute with them: {tally.beyond_the_tool}")
     print(f"the two plant readers disagree on {len(tally.disagreements)} files: {dict(kinds)}")
     print(
         json.dumps(
@@ -62,6 +64,7 @@ def _print(tally: Tally, seconds: float) -> None:
                 "inputs": tally.inputs,
                 "faults": len(tally.faults),
                 "disagreements": len(tally.disagreements),
+                "beyond_the_tool": tally.beyond_the_tool,
                 "slowest_seconds": round(tally.slowest, 2),
                 "memory_megabytes": tally.memory >> 10,
             }

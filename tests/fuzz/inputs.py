@@ -345,8 +345,17 @@ def _blow_up(rng: random.Random, plants: Sequence[bytes]) -> bytes:
                 + b"".join(b'k%d = "k%d + 1"\n' % (k, k - 1) for k in range(1, min(n, 900)))
                 + b"[network]",
             ),
+            lambda: seed.replace(b"[network]", _chain(rng, min(n, 900)) + b"[network]"),
             lambda: seed.replace(b"agents = ", b"agents = 99"),
             lambda: seed.replace(b"order", b"order = 16 #"),
             lambda: seed[: len(seed) // 2] * 50,
         ]
     )()
+
+
+def _chain(rng: random.Random, length: int) -> bytes:
+    """Constants each of which is made from the one before it."""
+    links = ("sin(k)", "1/(1 + k)", "sqrt(k + 1)", "k*k", "2*(k + 1)", "exp(k/9)", "-k", "k + 1/k", "(((k)))^2")
+    link = rng.choice(links)
+    lines = [f'k{j} = "{link.replace("k", f"k{j - 1}")}"' for j in range(1, length)]
+    return "\n".join(["[constants]", f'k0 = "{rng.choice(["sqrt(2)", "3"])}"', *lines, ""]).encode()

@@ -21,7 +21,7 @@ from certify.checker.verdict import Malformed
 from symbolic.errors import InputError
 from symbolic.plant_file import parse_plant
 
-from .agreement import difference
+from .agreement import difference, harmless
 from .inputs import Input
 
 ANOTHER = (Path(__file__).parents[1] / "checker_corpus" / "first_order.json").read_bytes()
@@ -55,11 +55,12 @@ class Touched(BaseException):
 @dataclass
 class Tally:
     """Outcomes by reader and kind of input; faults with the input that caused them; disagreements of the two plant
-    readers."""
+    readers; how many files the tool's reader refuses only because it will not compute with them."""
 
     outcomes: Counter[tuple[str, str, str]] = field(default_factory=Counter)
     faults: list[tuple[str, bytes]] = field(default_factory=list)
     disagreements: list[tuple[str, bytes]] = field(default_factory=list)
+    beyond_the_tool: int = 0
     slowest: float = 0.0
     memory: int = 0
     inputs: int = 0
@@ -68,6 +69,7 @@ class Tally:
         self.outcomes += other.outcomes
         self.faults += other.faults
         self.disagreements += other.disagreements
+        self.beyond_the_tool += other.beyond_the_tool
         self.slowest, self.memory = max(self.slowest, other.slowest), max(self.memory, other.memory)
         self.inputs += other.inputs
 
@@ -157,5 +159,8 @@ def feed(given: Input, tally: Tally) -> None:
         mine = read("checker's plant reader", checker_reads, Malformed, given, tally)
         theirs = read("plant reader", lambda data: parse_plant(data, "fuzz.toml"), InputError, given, tally)
         if "fault" not in (mine[0], theirs[0]) and (reason := difference(mine, theirs)) is not None:
-            tally.disagreements.append((reason, given.data))
+            if harmless(reason):
+                tally.beyond_the_tool += 1
+            else:
+                tally.disagreements.append((reason, given.data))
     tally.memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -1,4 +1,5 @@
-"""``python -m tests.tamper [--count N] [--seed S] [--workers W]``: exit 0 if no mutant was accepted wrongly, else 1."""
+"""``python -m tests.tamper [--count N] [--seed S] [--workers W]``: exit 0 if no mutant was accepted wrongly
+and none was rejected by a fault of the checker, else 1."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ import json
 import multiprocessing
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from .bases import make_bases, workers_default
@@ -19,6 +21,7 @@ def main(arguments: list[str]) -> int:
         prog="python -m tests.tamper", description="Tamper with certificates and count what is accepted."
     )
     parser.add_argument("--count", type=int, default=2_000, help="how many mutants")
+    parser.add_argument("--every-number", action="store_true", help="instead: every number of every certificate once")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=workers_default())
     parser.add_argument(
@@ -30,12 +33,11 @@ def main(arguments: list[str]) -> int:
     deadline = start + 60 * options.minutes if options.minutes else float("inf")
     bases = make_bases()
     print("certificates:", ", ".join(base.name for base in bases), file=sys.stderr, flush=True)
-    tasks = [
-        (bases, options.count, options.seed, worker, options.workers, deadline) for worker in range(options.workers)
-    ]
+    count = 0 if options.every_number else options.count
+    tasks = [(bases, count, options.seed, worker, options.workers, deadline) for worker in range(options.workers)]
     total = Tally()
-    with multiprocessing.get_context("spawn").Pool(options.workers) as pool:
-        for tally in pool.imap_unordered(share, tasks):
+    with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for tally in pool.map(share, tasks):
             total.add(tally)
     _print(total, time.monotonic() - start)
     for number, (reason, mutant) in enumerate(total.wrong + total.faults):
@@ -44,7 +46,7 @@ def main(arguments: list[str]) -> int:
             options.output.mkdir(parents=True, exist_ok=True)
             (options.output / f"{number}.json").write_bytes(mutant.certificate)
             (options.output / f"{number}.toml").write_bytes(mutant.plant or bases[mutant.base].plant)
-    return 1 if total.wrong or not total.total else 0
+    return 1 if total.wrong or total.faults or not total.total else 0
 
 
 def _print(tally: Tally, seconds: float) -> None:

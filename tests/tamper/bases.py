@@ -6,11 +6,13 @@ import json
 import os
 import tempfile
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from certify.certificate import canonical
 from certify.checker import check
+from certify.checker.verdict import steps_spent
 from certify.pipeline import design_gains
 from symbolic.plant_file import load_plant
 
@@ -18,18 +20,24 @@ Json = dict[str, Any]
 
 SMALL = Path(__file__).parent / "plants"
 EXAMPLES = Path(__file__).parents[2] / "examples"
-DIRECT = ("small_first_order", "small_third_order")
+DIRECT = (
+    SMALL / "small_first_order.toml",
+    EXAMPLES / "first_order.toml",
+    EXAMPLES / "van_der_pol.toml",
+    EXAMPLES / "third_order_actuator.toml",
+    EXAMPLES / "fourth_order.toml",
+    EXAMPLES / "five_agents.toml",
+)
 
 
 @dataclass(frozen=True)
 class Base:
-    """A plant file and a certificate of it that the checker accepts. Of a ``large`` one only a sample of all changes
-    is tried."""
+    """A plant file and a certificate of it that the checker accepts in ``cost`` of its elementary steps."""
 
     name: str
     plant: bytes
     certificate: Json
-    large: bool
+    cost: int
 
 
 def encode(certificate: Any) -> bytes:
@@ -40,6 +48,7 @@ def small_plants() -> list[Path]:
     return sorted(SMALL.glob("*.toml"))
 
 
+@lru_cache
 def make_base(path: Path, route: str = "recipe") -> Base | None:
     """``None`` if the plant has no certificate. Raises ``AssertionError`` if the checker refuses the one it has."""
     result = design_gains(load_plant(path), route)
@@ -48,15 +57,14 @@ def make_base(path: Path, route: str = "recipe") -> Base | None:
     plant, certificate = path.read_bytes(), json.loads(canonical(result.certificate))
     verdict = check(plant, encode(certificate))
     assert verdict.status == "verified", f"{path.name}: {verdict}"
-    return Base(f"{path.stem} ({route})", plant, certificate, route != "recipe" or path.parent == EXAMPLES)
+    return Base(f"{path.stem} ({route})", plant, certificate, steps_spent())
 
 
 def make_bases() -> list[Base]:
-    """The small plants, the examples, and the route ``direct`` for some small plants with one agent, as far as they
+    """The small plants and the examples by the route ``recipe``, some of them by the route ``direct``, as far as they
     are certified."""
     recipes = [make_base(path) for path in (*small_plants(), *sorted(EXAMPLES.glob("*.toml")))]
-    direct = [make_base(path, "direct") for path in small_plants() if path.stem in DIRECT]
-    return [base for base in (*recipes, *direct) if base is not None]
+    return [base for base in (*recipes, *(make_base(path, "direct") for path in DIRECT)) if base is not None]
 
 
 def plant_from_bytes(data: bytes) -> Any:

@@ -5,63 +5,117 @@ from __future__ import annotations
 import hashlib
 import random
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from itertools import chain, islice
 
-from .bases import Base, encode
-from .mutations import Mutant, plant_edits, random_mutant, replaced, systematic
+from .bases import Base, Json, encode
+from .mutations import (
+    Mutant,
+    Path,
+    at,
+    mutant,
+    other_certificates,
+    other_writings,
+    paths,
+    plant_edits,
+    random_mutant,
+    replaced,
+    systematic,
+)
+from .values import changes, is_number, number_values
 
-LARGE_SHARE = 25  # of 1000 mutants, this many change a large certificate: one such check takes up to some seconds
-PLANT_SHARE = 20  # and this many change the plant file and bind the certificate to the new one
+FLOOR = 0.25  # of all mutants at most this part is spread over the bases whatever they cost
+PLANTS = 0.02  # and this part changes the plant file and binds the certificate to the new one
+CHEAP = 1_000_000  # steps of the checker
 
 
 def corpus(bases: Sequence[Base], count: int, seed: int) -> Iterator[Mutant]:
-    """``count`` different mutants: all systematic ones of the small plants that fit, a sample for the large ones,
-    then random ones."""
-    small = [k for k, base in enumerate(bases) if not base.large]
-    large = [k for k, base in enumerate(bases) if base.large]
-    seen = {hashlib.sha256(encode(base.certificate) + base.plant).digest() for base in bases}
-    for_large = count * LARGE_SHARE // 1000 if large else 0
-    yield from _new(_sample(bases, large, for_large, seed), seen, bases)
-    for_plants = count * PLANT_SHARE // 1000
-    yield from _new(_plants(bases, small, for_plants, seed), seen, bases)
-    rest = count - for_large - for_plants
-    listed = [mutant for k in small for mutant in systematic(bases, k)]
-    if rest < len(listed):
-        listed = random.Random(seed).sample(listed, rest)
-    for mutant in _new(iter(listed), seen, bases):
-        rest -= 1
-        yield mutant
-    rng = random.Random(seed + 1)
-    weights = [1 if len(bases[k].certificate["claim"]["agents"]) > 1 else 4 for k in small]
-    endless = (random_mutant(bases, rng.choices(small, weights)[0], rng) for _ in iter(int, 1))
-    yield from islice(_new(endless, seen, bases), rest)
+    """``count`` different mutants of the bases, and of the plant files that they are about."""
+    return islice(_endless(bases, count, seed), count)
+
+
+def _endless(bases: Sequence[Base], count: int, seed: int) -> Iterator[Mutant]:
+    """Shared out for ``count`` of them.
+
+    Every base gets one for each of its fields, if the count allows; the rest is shared out by the inverse square of
+    what a check costs, so that the cheap bases carry most mutants and the dear ones do not take all the time.
+    """
+    fields = [len(_fields(base.certificate)) for base in bases]
+    scale = min(1.0, FLOOR * count / sum(fields))
+    floors = [round(scale * number) for number in fields]
+    of_plants = round(PLANTS * count)
+    weights = [1 / base.cost**2 for base in bases]
+    rest = count - of_plants - sum(floors)
+    quotas = [floor + int(rest * weight / sum(weights)) for floor, weight in zip(floors, weights, strict=True)]
+    seen = {_digest(base.plant, base) for base in bases}
+    order = sorted(range(len(bases)), key=lambda k: bases[k].cost)
+    for k in order:
+        rng = random.Random(f"{seed}/{bases[k].name}")
+        yield from islice(_new(_of_base(bases, k, quotas[k], rng), seen, bases), quotas[k])
+    cheap = [k for k in order if bases[k].cost < CHEAP] or order[:1]
+    yield from islice(_new(_plants(bases, cheap, random.Random(seed)), seen, bases), of_plants)
+    rng = random.Random(seed)
+    endless = (random_mutant(bases, order[0], rng) for _ in iter(int, 1))
+    yield from _new(endless, seen, bases)
+
+
+def every_number(bases: Sequence[Base], seed: int) -> Iterator[Mutant]:
+    """Every number of every base once, each changed to another one."""
+    for k in sorted(range(len(bases)), key=lambda k: bases[k].cost):
+        base, rng = bases[k], random.Random(f"{seed}/{bases[k].name}")
+        for path in paths(base.certificate):
+            value = at(base.certificate, path)
+            if is_number(value):
+                yield mutant(k, *rng.choice(number_values(value)), path, base.certificate)
+
+
+def _of_base(bases: Sequence[Base], k: int, quota: int, rng: random.Random) -> Iterator[Mutant]:
+    """All systematic mutants and then random ones, if there is room for them; else a sample, field by field."""
+    numbers = sum(1 for _ in paths(bases[k].certificate))
+    if quota > 100 * numbers:
+        yield from systematic(bases, k)
+    else:
+        few = [*other_writings(bases, k), *other_certificates(bases, k)]
+        rng.shuffle(few)
+        groups = list(_fields(bases[k].certificate).values())
+        turns = (_changed(bases, k, rng.choice(group), rng) for _ in iter(int, 1) for group in groups)
+        yield from islice(chain(islice(turns, len(groups)), few, turns), 3 * quota)
+    while True:
+        yield random_mutant(bases, k, rng)
+
+
+def _changed(bases: Sequence[Base], k: int, path: Path, rng: random.Random) -> Mutant:
+    certificate = bases[k].certificate
+    return mutant(k, *rng.choice(changes(at(certificate, path))), path, certificate)
+
+
+def _fields(certificate: Json) -> dict[tuple[object, ...], list[Path]]:
+    """All paths by field: of a list the first, the last and those between; every agent has its own fields."""
+    found: dict[tuple[object, ...], list[Path]] = {}
+    for path in paths(certificate):
+        here, shape = certificate, []
+        for depth, key in enumerate(path):
+            place = 0 if key == 0 else -1 if isinstance(here, list) and key == len(here) - 1 else "between"
+            shape.append(place if isinstance(key, int) and depth != 2 else key)
+            here = here[key]
+        found.setdefault(tuple(shape), []).append(path)
+    return found
+
+
+def _digest(plant: bytes, base: Base, certificate: bytes | None = None) -> bytes:
+    return hashlib.sha256((encode(base.certificate) if certificate is None else certificate) + plant).digest()
 
 
 def _new(mutants: Iterator[Mutant], seen: set[bytes], bases: Sequence[Base]) -> Iterator[Mutant]:
     """Those with bytes not seen before."""
-    for mutant in mutants:
-        digest = hashlib.sha256(mutant.certificate + (mutant.plant or bases[mutant.base].plant)).digest()
+    for found in mutants:
+        base = bases[found.base]
+        digest = _digest(found.plant or base.plant, base, found.certificate)
         if digest not in seen:
             seen.add(digest)
-            yield mutant
+            yield found
 
 
-def _sample(bases: Sequence[Base], indices: Sequence[int], count: int, seed: int) -> Iterator[Mutant]:
-    """Of every path at least one mutant, as far as the count goes: each path's mutants in a random order, taken in
-    turns."""
-    rng = random.Random(seed)
-    for k in indices:
-        by_path: dict[str, list[Mutant]] = {}
-        for mutant in systematic(bases, k):
-            by_path.setdefault(mutant.path, []).append(mutant)
-        for group in by_path.values():
-            rng.shuffle(group)
-        depth = max(map(len, by_path.values()))
-        turns = [group[turn] for turn in range(depth) for group in by_path.values() if turn < len(group)]
-        yield from turns[: count // len(indices)]
-
-
-def _plants(bases: Sequence[Base], indices: Sequence[int], count: int, seed: int) -> Iterator[Mutant]:
+def _plants(bases: Sequence[Base], indices: Sequence[int], rng: random.Random) -> Iterator[Mutant]:
     """Edited plant files, with the certificate as it is and with the certificate bound to the edited file."""
     mutants = []
     for k in indices:
@@ -71,6 +125,5 @@ def _plants(bases: Sequence[Base], indices: Sequence[int], count: int, seed: int
             bound = replaced(base.certificate, ("claim", "plant_sha256"), digest)
             mutants.append(Mutant(k, operator, "plant, bound again", bound, plant))
             mutants.append(Mutant(k, operator, "plant", base.certificate, plant))
-    rng = random.Random(seed)
     rng.shuffle(mutants)
-    yield from mutants[:count]
+    yield from mutants

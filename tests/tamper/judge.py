@@ -1,13 +1,15 @@
 """What the checker did with a mutant, and whether that was right: by rule, never by eye.
 
-``malformed``, ``rejected``      not accepted.
-``equivalent``                   accepted, and the claim is byte for byte the original one about the original plant:
-witnesses or the
-                                 producer's note differ, and the checker proved the same claim with them.
-``other claim, proved again``    accepted, the claim is another one, the printed digest is that of this other claim,
-and the
-                                 producer's code proves every obligation of it too (``recompute``).
-``accepted wrongly``             accepted and none of these.
+``malformed``, ``rejected``
+    not accepted.
+``equivalent``
+    accepted, and the claim is byte for byte the original one about the original plant: witnesses or the producer's
+    note differ, and the checker proved the same claim with them.
+``other claim, proved again``
+    accepted, the claim is another one, the printed digest is that of this other claim, and the producer's code proves
+    it too (``recompute``): the obligations of ``recipe`` one by one, ``direct`` with witnesses of its own.
+``accepted wrongly``
+    accepted and none of these.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from .mutations import Mutant
 from .recompute import why_not_proved
 
 ACCEPTED = ("equivalent", "other claim, proved again", "accepted wrongly")
+SECONDS = 30  # of processor time; a check that takes longer is a fault
 CLASSES = ("malformed", "rejected", *ACCEPTED)
 
 
@@ -56,9 +59,12 @@ class Tally:
 def judge(base: Base, mutant: Mutant, tally: Tally) -> str:
     """The class of one mutant, counted in the tally."""
     plant = base.plant if mutant.plant is None else mutant.plant
-    start = time.perf_counter()
+    start = time.process_time()
     verdict = check(plant, mutant.certificate)
-    tally.slowest = max(tally.slowest, time.perf_counter() - start)
+    seconds = time.process_time() - start
+    tally.slowest = max(tally.slowest, seconds)
+    if seconds > SECONDS:
+        tally.faults.append((f"{seconds:.0f} s", mutant))
     if verdict.status == "verified":
         found, reason = _accepted(base, mutant, plant, verdict.claim_sha256)
         if found == "accepted wrongly":

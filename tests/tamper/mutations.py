@@ -97,25 +97,37 @@ def written_otherwise(certificate: Any) -> list[tuple[str, bytes]]:
     ]
 
 
+def mutant(base: int, operator: str, new: Any, path: Path, certificate: Any) -> Mutant:
+    """The certificate with ``new`` at the path."""
+    return Mutant(base, operator, show(path), replaced(certificate, path, new))
+
+
 def systematic(bases: Sequence[Base], index: int, splices: bool = True) -> Iterator[Mutant]:
     """Every change at every path of one certificate, and every value replaced by another certificate's at that path."""
     base = bases[index]
     for path in paths(base.certificate):
         for operator, new in changes(at(base.certificate, path)):
-            yield _mutant(index, operator, path, replaced(base.certificate, path, new))
+            yield mutant(index, operator, new, path, base.certificate)
         for other in bases if splices else ():
             if (
                 other is not base
                 and (found := _at_or_none(other.certificate, path)) is not None
                 and found != at(base.certificate, path)
             ):
-                yield _mutant(index, f"taken from {other.name}", path, replaced(base.certificate, path, found))
-    for path, other in _same_kind(base.certificate):
-        yield _mutant(
-            index, f"taken from {show(other)}", path, replaced(base.certificate, path, at(base.certificate, other))
-        )
-    for operator, data in written_otherwise(base.certificate):
+                yield mutant(index, f"taken from {other.name}", found, path, base.certificate)
+    for path, source in _same_kind(base.certificate):
+        yield mutant(index, f"taken from {show(source)}", at(base.certificate, source), path, base.certificate)
+    yield from other_writings(bases, index)
+    yield from other_certificates(bases, index)
+
+
+def other_writings(bases: Sequence[Base], index: int) -> Iterator[Mutant]:
+    for operator, data in written_otherwise(bases[index].certificate):
         yield Mutant(index, operator, "bytes", data)
+
+
+def other_certificates(bases: Sequence[Base], index: int) -> Iterator[Mutant]:
+    base = bases[index]
     for other in bases:
         if other is not base:
             rebound = replaced(other.certificate, ("claim", "plant_sha256"), base.certificate["claim"]["plant_sha256"])
@@ -159,7 +171,7 @@ def random_mutant(bases: Sequence[Base], index: int, rng: random.Random) -> Muta
         first, second = rng.choice(leaves), rng.choice(leaves)
         a, b = at(certificate, first), at(certificate, second)
         certificate = replaced(replaced(certificate, first, b), second, a)
-        return _mutant(index, "two numbers exchanged", (*first, "and", *second), certificate)
+        return Mutant(index, "two numbers exchanged", f"{show(first)} and {show(second)}", certificate)
     chosen = rng.sample(leaves, min(len(leaves), rng.choice([1, 1, 1, 2, 3, 4])))
     common, names = factor(rng), []
     for path in chosen:
@@ -172,7 +184,7 @@ def random_mutant(bases: Sequence[Base], index: int, rng: random.Random) -> Muta
             new = Fraction(round(q + rng.choice([-1, 1]) * rng.choice([1, 1, 2, 10])))
         certificate = replaced(certificate, path, text(new))
         names.append(show(path))
-    return _mutant(index, "random numbers", (" ".join(names),), certificate)
+    return Mutant(index, "random numbers", " ".join(names), certificate)
 
 
 def factor(rng: random.Random) -> Fraction:
@@ -223,10 +235,6 @@ def plant_edits(data: bytes) -> Iterator[tuple[str, bytes]]:
         while start >= 0:
             yield f"{old} to {new} at byte {start}", (source[:start] + new + source[start + len(old) :]).encode()
             start = source.find(old, start + 1)
-
-
-def _mutant(index: int, operator: str, path: Path, certificate: Any) -> Mutant:
-    return Mutant(index, operator, show(path), certificate)
 
 
 def show(path: Path) -> str:

@@ -30,6 +30,7 @@ from certify.assumptions.given_lyapunov import Accepted
 from certify.bounds.balls import PRECISION, to_arb, upper
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
 from certify.bounds.rationals import sqrt_up
+from certify.checker import check
 from certify.coordinator.design import gradients_at
 from certify.coordinator.envelope import Comparison, Envelope, envelope
 from certify.coordinator.mixing import mixing
@@ -43,18 +44,21 @@ from certify.inequalities.exact_psd import (
     prove_positive_semidefinite,
 )
 from certify.inequalities.matrices import inverse
+from certify.network_certificate import network_certificate
 from certify.optimum import Optimum, optimum
-from certify.pipeline import design_gains
+from certify.pipeline import PROVED_ON_THE_WAY
+from certify.preparation import Stopped, prepare
 from certify.recipe.constants import Constants, constants, initial_energy, sublevel, zero_layer
 from certify.recipe.levels import Level
 from certify.recipe.matrices import chain_matrix, observer_matrix
 from certify.recipe.thresholds import StateFeedback, _Observer, state_feedback
+from certify.tube.route import tube_agent
 from symbolic.derivation import derive
 from symbolic.network import laplacian, left_null_vector
 from symbolic.plant import COST_VARIABLE, Agent, Exosystem, InternalModelChoice, Interval, Plant, RequestedGains
 from symbolic.steady_state import SteadyState
 
-from .bases import plant_from_bytes
+from .bases import encode, plant_from_bytes
 
 Json = dict[str, Any]
 Rows = tuple[tuple[Fraction, ...], ...]
@@ -71,10 +75,11 @@ def need(holds: bool, reason: str) -> None:
 
 def why_not_proved(plant_file: bytes, certificate: Json) -> str | None:
     """``None`` if every obligation was proved again, else the first that was not."""
-    if certificate["theorem"] not in THEOREMS:
+    route = certificate["theorem"].partition("/")[0]
+    if route not in ROUTES:
         return f"no second proof is known for the theorem {certificate['theorem']}"
     try:
-        THEOREMS[certificate["theorem"]](plant_file, certificate)
+        ROUTES[route](plant_file, certificate)
     except (NotConfirmed, ValueError, ArithmeticError) as reason:
         return f"{type(reason).__name__}: {reason}"
     return None
@@ -87,7 +92,7 @@ class Known:
     plant: Plant
     optimum: Optimum
     s_star: sympy.Expr
-    disturbance: tuple[Interval, ...]
+    disturbance: ExosystemBounds
     steady: tuple[SteadyState, ...]
     curvatures: tuple[Interval, ...]
     V0: tuple[tuple[Rows, Fraction], ...]
@@ -112,7 +117,7 @@ def known_of(plant_file: bytes) -> Known:
         steady.append(state)
         curvatures.append(Interval(curvature.lower, curvature.upper))
         V0.append(_zero_dynamics(plant, agent, state, found))
-    return Known(plant, found, s_star, disturbance.box, tuple(steady), tuple(curvatures), tuple(V0))
+    return Known(plant, found, s_star, disturbance, tuple(steady), tuple(curvatures), tuple(V0))
 
 
 def _zero_dynamics(plant: Plant, agent: Agent, steady: SteadyState, found: Optimum) -> tuple[Rows, Fraction]:
@@ -150,7 +155,8 @@ def prove_recipe(plant_file: bytes, certificate: Json) -> None:
             gamma,
             observer,
             known.optimum.enclosure,
-            known.disturbance,
+            known.disturbance.box,
+            known.disturbance.extent,
             References(bounds.peak, bounds.energy, bounds.rate_energy),
         )
         _agent(model, known.V0[index], entry, mine)
@@ -361,23 +367,43 @@ def _rows(value: list[list[str]]) -> Rows:
 
 
 def prove_direct(plant_file: bytes, certificate: Json) -> None:
-    """``direct/1``: the producer is asked for a certificate of exactly these gains. Raises ``NotConfirmed``."""
+    """``direct``: the producer is asked for witnesses of exactly these gains, agent by agent, and the checker accepts
+    the claim with them too. Raises ``NotConfirmed``."""
     claim, plant = certificate["claim"], plant_from_bytes(plant_file)
-    need(
-        claim["plant_sha256"] == plant.sha256 and len(claim["agents"]) == len(plant.agents) == 1,
-        "another plant, or several agents",
-    )
+    need(claim["plant_sha256"] == plant.sha256, "another plant")
+    need([entry["id"] for entry in claim["agents"]] == [str(agent.id) for agent in plant.agents], "other agents")
     _respects(plant, claim)
-    entry = claim["agents"][0]
-    g, K, delta, h = (None if entry[key] is None else Fraction(entry[key]) for key in ("g", "K", "delta", "h"))
-    agent = _claimed(plant.agents[0], entry)
-    if entry["N"]:
-        agent = replace(agent, internal_model=InternalModelChoice(_rows(entry["M"]), _row(entry["N"])))
+    agents = tuple(_designed(agent, entry) for agent, entry in zip(plant.agents, claim["agents"], strict=True))
     alphas = {key: Fraction(claim[key]) for key in ("alpha1", "alpha2")}
-    again = design_gains(replace(plant, agents=(agent,), gains=RequestedGains(g, K, delta, h), **alphas), "direct")
-    need(again.certificate is not None, f"the producer: {again.reason}")
-    mine = again.certificate["claim"] if again.certificate else {}
-    need(mine == claim, "the producer proves another claim")
+    designed = replace(plant, agents=agents, gains=RequestedGains(), **alphas)
+    prepared = prepare(designed, check_assumptions(plant), lambda message: None, PROVED_ON_THE_WAY["direct"])
+    if isinstance(prepared, Stopped):
+        raise NotConfirmed(f"the producer: {prepared.reason}")
+    parts = []
+    for index, entry in enumerate(claim["agents"]):
+        gains = RequestedGains(*(None if entry[key] is None else Fraction(entry[key]) for key in GAINS))
+        result, controller, witness = tube_agent(replace(prepared, plant=replace(designed, gains=gains)), index)
+        if controller is None or witness is None:
+            raise NotConfirmed(f"the producer: {result.reason}")
+        parts.append((controller, witness))
+    invariant = prepared.disturbance.Q or ()
+    again = network_certificate(
+        certificate["theorem"], plant, prepared.optimum.enclosure, invariant, prepared.coordinator, parts, {}
+    )
+    need(again["claim"] == claim, "the producer proves another claim")
+    verdict = check(plant_file, encode(again))
+    need(verdict.status == "verified", f"not with the producer's witnesses: {verdict.obligation}")
 
 
-THEOREMS = {"recipe/1": prove_recipe, "direct/1": prove_direct}
+def _designed(agent: Agent, entry: Json) -> Agent:
+    """The agent with the design polynomials and the internal model of the claim."""
+    agent = _claimed(agent, entry)
+    return replace(agent, internal_model=_model(entry)) if entry["N"] else agent
+
+
+def _model(entry: Json) -> InternalModelChoice:
+    return InternalModelChoice(_rows(entry["M"]), _row(entry["N"]))
+
+
+GAINS = ("g", "K", "delta", "h")
+ROUTES = {"recipe": prove_recipe, "direct": prove_direct}

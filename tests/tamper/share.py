@@ -8,15 +8,16 @@ from collections.abc import Sequence
 from itertools import islice
 
 from .bases import Base
-from .corpus import corpus
+from .corpus import corpus, every_number
 from .judge import Tally, judge
 
 
 def share(task: tuple[Sequence[Base], int, int, int, int, float]) -> Tally:
-    """Every ``workers``-th mutant."""
+    """Every ``workers``-th mutant; with a count of 0 those of ``every_number``."""
     bases, count, seed, worker, workers, deadline = task
     tally, start = Tally(), time.monotonic()
-    for mutant in islice(corpus(bases, count, seed), worker, None, workers):
+    mutants = corpus(bases, count, seed) if count else every_number(bases, seed)
+    for mutant in islice(mutants, worker, None, workers):
         if time.monotonic() > deadline:
             break
         if judge(bases[mutant.base], mutant, tally) == "accepted wrongly":

@@ -19,8 +19,8 @@ def text(value: Fraction) -> str:
     return str(value)
 
 
-def number_changes(value: str) -> list[tuple[str, Any]]:
-    """Other numbers, and the same number written as it must not be."""
+def number_values(value: str) -> list[tuple[str, str]]:
+    """Other numbers in place of one, written as they must be."""
     q = Fraction(value)
     p, d = q.numerator, q.denominator
     new: dict[str, Fraction] = {
@@ -49,7 +49,14 @@ def number_changes(value: str) -> list[tuple[str, Any]]:
     for k in (1, 2, 3, 6, 9, 12, 18, 60):
         new[f"relative +1e-{k}"] = q * (1 + Fraction(1, 10**k))
         new[f"relative -1e-{k}"] = q * (1 - Fraction(1, 10**k))
-    changes: list[tuple[str, Any]] = [(name, text(entry)) for name, entry in new.items()]
+    return [(name, text(entry)) for name, entry in new.items() if entry != q]
+
+
+def number_changes(value: str) -> list[tuple[str, Any]]:
+    """Other numbers, and the same number written as it must not be."""
+    q = Fraction(value)
+    p, d = q.numerator, q.denominator
+    changes: list[tuple[str, Any]] = list(number_values(value))
     changes += [
         ("huge", "9" * 3999),
         ("tiny", "1/1" + "0" * 3998),

@@ -16,9 +16,10 @@ from certify.checker.rules.assumptions import Facts
 from certify.checker.rules.mixing import SCALE, UNIT, Mixing, dot, fixed_down, fixed_up, point
 from certify.checker.rules.reference import Reference, Step
 from certify.checker.rules.trajectory import Segment, Stepper
-from certify.checker.verdict import Malformed, obligation, require, spend
+from certify.checker.verdict import Malformed, Undecided, obligation, require, spend
 
 DAMPING_BITS = 64
+LARGEST_BITS = 2_000
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,8 @@ class _Coordinator:
                 found.append(self.reach(segment, i, kappa[i], nu[i], max(w, forced)))
             w = max(e * w + (UNIT - e) * forced for e in factors) // UNIT + 1
             y, omega = [sum(poly) for poly in segment.y], [sum(poly) for poly in segment.omega]
+            if max(map(int.bit_length, y + omega)) > LARGEST_BITS:
+                raise Undecided("the nominal trajectory grows out of range")
         return self.tail(point(w), y, omega, steps)
 
     def rows_of(self, i: int) -> list[Sequence[Fraction]]:

@@ -84,9 +84,9 @@ class _Kernels:
         values, slopes = self.weights()
         for row in range(0, len(self.pairs), CHUNK):
             part = slice(row, row + CHUNK)
-            rows = zip(self.c[part], self.products[part], self.rest[part], strict=True)
+            weights = zip(self.c[part], self.products[part], self.rest[part], strict=True)
             margin = arb_mat([[*map(_positive, c), *map(_negative, c), *[-entry for entry in sizes], -rest]
-                              for c, sizes, rest in rows])
+                              for c, sizes, rest in weights])
             matrices = arb_mat(values[part]), arb_mat(slopes[part]), margin
             for start in range(0, len(cells), CHUNK):
                 self.check_cells(row, cells[start : start + CHUNK], *matrices)
@@ -146,8 +146,8 @@ class _Kernels:
 
     def check_tail(self, end: Fraction) -> None:
         """``Σ_a |C'_a||J'_a| e^(−(σ_a−μ_1)T) + η ≤ c_1 − Σ_(a>1) c_a⁻ e^(−(μ_a−μ_1)T)``"""
-        T, slow = ball(end), self.rates[0]
-        factors, own = ([((slow - decay) * T).exp() for decay in decays] for decays in (self.decay, self.rates))
+        T = ball(end)
+        factors, own = ([((self.rates[0] - decay) * T).exp() for decay in every] for every in (self.decay, self.rates))
         for pair, (c, sizes, rest) in enumerate(zip(self.c, self.products, self.rest, strict=True)):
             left = sum((size * factor for size, factor in zip(sizes, factors, strict=True)), rest)
             right = sum((_negative(entry) * factor for entry, factor in zip(c[1:], own[1:], strict=True)), c[0])

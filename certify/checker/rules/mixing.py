@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, factorial, floor
+from operator import mul
 
 from certify.checker import linear
 from certify.checker.intervals import Interval
@@ -32,7 +33,9 @@ def point(value: int, error: int = 0) -> Interval:
 
 
 def dot(x: Sequence[int], y: Sequence[int]) -> int:
-    return sum(a * b for a, b in zip(x, y, strict=True))
+    if len(x) != len(y):
+        raise ValueError("a product of vectors of different lengths")
+    return sum(map(mul, x, y))
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,7 @@ class Mixing:
             self.terms.append([[-dot(row, column) // (q * j) for column in columns] for row in generator])
         self.flow = [[sum(term[i][j] for term in self.terms) for j in range(n)] for i in range(n)]
         self.error_of_flow = TERMS * TERMS  # the sum of all j, and less than one unit for the remainder 3/TERMS!
+        self.remainder = fixed_up(self.norm ** (ORDER + 1) / factorial(ORDER + 1))
         self.keep = [max(0, fixed_down(1 - L[i][i] * step)) for i in range(n)]
 
     def advance(self) -> StepOfMixing:
@@ -97,5 +101,4 @@ class Mixing:
 
     def taylor_error(self) -> int:
         """Per coefficient the errors of ``X``, of ``terms`` and of rounding; the remainder ``‖LΔ‖^(m+1)/(m+1)!``."""
-        remainder = fixed_up(self.norm ** (ORDER + 1) / factorial(ORDER + 1))
-        return (ORDER + 1) * (self.error + 2 * self.size * ORDER + 1) + remainder
+        return (ORDER + 1) * (self.error + 2 * self.size * ORDER + 1) + self.remainder

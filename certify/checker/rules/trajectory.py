@@ -9,22 +9,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from math import floor, lcm
+from operator import sub
 
 from certify.checker import linear
 from certify.checker.linear import Matrix
 from certify.checker.rules.costs import Cost
-from certify.checker.rules.mixing import ORDER, SCALE, UNIT, StepOfMixing, fixed_down, fixed_up, point
+from certify.checker.rules.mixing import ORDER, SCALE, UNIT, StepOfMixing, dot, fixed_down, fixed_up, point
 
 SLOPE_BITS = 64
 
 
 @dataclass(frozen=True)
 class Slope:
-    """``c'(y) = value`` within ``error`` units, and any number ``sigma/2^64`` near ``c''(y)``."""
+    """``c'(y) = value`` within ``error`` units, and any number ``sigma/2^64`` near ``c''(y)``; for a quadratic within
+    ``spread`` units."""
 
     value: int
     error: int
     sigma: int
+    spread: int | None = None
 
 
 @dataclass(frozen=True)
@@ -46,42 +49,48 @@ class Stepper:
         self.consensus = [[int(entry * q) for entry in row] for row in consensus]
         self.feedback = [[int(entry * q) for entry in row] for row in feedback]
         self.q_step = int(q * step)
+        self.affine = [_integers(*cost.affine) if cost.affine else None for cost in costs]
 
     def advance(self, mixing: StepOfMixing, y: list[int], omega: list[int]) -> Segment:
         """The step from ``y, ω``, on which all ``ξ_i^i`` are positive."""
         n, q, xi = len(y), self.q, mixing.taylor
-        slopes = [self.slope(cost, value) for cost, value in zip(self.costs, y, strict=True)]
-        ys, omegas = [[value] for value in y], [[value] for value in omega]
+        slopes = [self.slope(i, value) for i, value in enumerate(y)]
+        ys, omegas = [y], [omega]  # by order, then by agent
         us: list[list[int]] = [[] for _ in y]  # Δ c'(ŷ)/ξ
-        drifts: list[list[int]] = [[] for _ in y]  # q α1ΔLŷ
-        feedbacks: list[list[int]] = [[] for _ in y]  # q α2ΔBω̂
+        drifts: list[list[int]] = []  # q α1ΔLŷ
+        feedbacks: list[list[int]] = []  # q α2ΔBω̂
         for j in range(ORDER + 1):
-            for i in range(n):
-                drifts[i].append(sum(a * ys[k][j] for k, a in enumerate(self.consensus[i])))
-                feedbacks[i].append(sum(a * omegas[k][j] for k, a in enumerate(self.feedback[i])))
-            for i in range(n if j < ORDER else 0):
-                source = self.q_step * (slopes[i].sigma * ys[i][j] >> SLOPE_BITS if j else slopes[i].value) // q
-                us[i].append((source * UNIT - sum(xi[i][m] * us[i][j - m] for m in range(1, j + 1))) // xi[i][0])
-                ys[i].append(-(us[i][j] * q + drifts[i][j] + feedbacks[i][j]) // (q * (j + 1)))
-            for i in range(n - 1 if j < ORDER else 0):
-                omegas[i].append(drifts[i][j] // (q * (j + 1)))
+            drifts.append([dot(row, ys[j]) for row in self.consensus])
+            feedbacks.append([dot(row, omegas[j]) for row in self.feedback])
+            if j == ORDER:
+                break
+            for u, slope, value, x in zip(us, slopes, ys[j], xi, strict=True):
+                source = self.q_step * (slope.sigma * value >> SLOPE_BITS if j else slope.value) // q
+                u.append((source * UNIT - dot(x[1 : j + 1], u[::-1])) // x[0])
+            scale = q * (j + 1)
+            rows = zip(us, drifts[j], feedbacks[j], strict=True)
+            ys.append([-(u[j] * q + drift + feedback) // scale for u, drift, feedback in rows])
+            omegas.append([drift // scale for drift in drifts[j][:-1]])
+        polynomials, flow = list(map(list, zip(*ys, strict=True))), list(zip(*drifts, strict=True))
+        memory = list(map(list, zip(*omegas, strict=True)))
         defects = []
-        for i in range(n):
-            rate = [sum(terms) for terms in zip(self.rates(ys[i]), drifts[i], feedbacks[i], strict=True)]
-            defects.append(self.defect(self.costs[i], slopes[i], ys[i], rate, xi[i], mixing.error, mixing.low[i]))
+        for i, feedback in enumerate(zip(*feedbacks, strict=True)):
+            rate = list(map(sum, zip(self.rates(polynomials[i]), flow[i], feedback, strict=True)))
+            known = self.costs[i], slopes[i], polynomials[i]
+            defects.append(self.defect(*known, rate, xi[i], mixing.error, mixing.low[i]))
         for i in range(n - 1):  # q Δ ρ_ω = q α1ΔLŷ − q dω̂/dσ
-            rate = [a - b for a, b in zip(drifts[i], self.rates(omegas[i]), strict=True)]
-            defects.append(sum(map(abs, rate)) // self.q_step + 1)
-        return Segment(ys, omegas, defects)
+            defects.append(sum(map(abs, map(sub, flow[i], self.rates(memory[i])))) // self.q_step + 1)
+        return Segment(polynomials, memory, defects)
 
     def rates(self, polynomial: list[int]) -> list[int]:
         """``q d/dσ`` of a polynomial."""
         return [self.q * j * c for j, c in enumerate((*polynomial[1:], 0), 1)]
 
-    def slope(self, cost: Cost, y: int) -> Slope:
-        if cost.affine:
-            a, b = cost.affine
-            return Slope(floor(a * UNIT + b * y), 1, floor(b * (1 << SLOPE_BITS)))
+    def slope(self, i: int, y: int) -> Slope:
+        cost, known = self.costs[i], self.affine[i]
+        if known:
+            constant, linear, denominator, sigma, spread = known
+            return Slope((constant + linear * y) // denominator, 1, sigma, spread)
         gradient = cost.slope(point(y))
         low = fixed_down(gradient)
         return Slope(low, fixed_up(gradient) - low, floor(cost.curvature(point(y)).lo * (1 << SLOPE_BITS)))
@@ -89,19 +98,25 @@ class Stepper:
     def defect(self, cost: Cost, slope: Slope, y: list[int], rate: list[int], xi: list[int], error: int, xi_low: int
                ) -> int:
         """``|ρ|`` from ``−q Δ ξ ρ = q Δ (c'(y_0) + σd + (c'' − σ)d) + ξ·rate`` with ``d = ŷ − y_0``."""
-        result = [0] * (2 * ORDER + 1)
-        for j, a in enumerate(xi):
-            for k, b in enumerate(rate):
-                result[j + k] += a * b
+        backwards = rate[::-1]
+        result = [dot(xi[: k + 1], backwards[ORDER - k :]) for k in range(ORDER)]
+        result += [dot(xi[k:], backwards[: ORDER + 1 - k]) for k in range(ORDER + 1)]
         result[0] += self.q_step * slope.value * UNIT
         for j in range(1, ORDER + 1):
             result[j] += self.q_step * slope.sigma * y[j] << SCALE - SLOPE_BITS
         distance = sum(map(abs, y[1:]))
-        sigma = Fraction(slope.sigma, 1 << SLOPE_BITS)
-        if cost.affine:
-            spread = fixed_up(abs(cost.affine[1] - sigma))
-        else:
+        spread = slope.spread
+        if spread is None:
+            sigma = Fraction(slope.sigma, 1 << SLOPE_BITS)
             spread = fixed_up((cost.curvature(point(y[0], distance)) - sigma).magnitude)
         bound = sum(map(abs, result)) + error * sum(map(abs, rate))
         bound += self.q_step * (slope.error * UNIT + spread * distance)
         return bound // (self.q_step * xi_low) + 1
+
+
+def _integers(a: Fraction, b: Fraction) -> tuple[int, int, int, int, int]:
+    """``a + b y`` as ``(constant + linear·y)/denominator`` in units, ``sigma`` near ``b``, and how near in units."""
+    denominator = lcm(a.denominator, b.denominator)
+    sigma = floor(b * (1 << SLOPE_BITS))
+    spread = fixed_up(b - Fraction(sigma, 1 << SLOPE_BITS))
+    return int(a * denominator) * UNIT, int(b * denominator), denominator, sigma, spread

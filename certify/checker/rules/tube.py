@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import reduce
 
 from flint import arb, arb_mat
 
@@ -19,6 +20,7 @@ from certify.checker.rules.surroundings import Outside, Surroundings
 from certify.checker.verdict import Rejected, Undecided, require, spend
 
 ZERO = arb(0)
+SUBSTEPS = 10
 
 
 def prove(name: str, loop: Loop, claim: AgentClaim, witness: DirectAgentWitness, b: Interval, outside: Outside,
@@ -78,20 +80,29 @@ class _Tube:
             forcing = self.forcing(box, around, slopes)
         except Undecided as reason:
             raise Rejected(name, str(reason)) from None
-        duration = ball(end - start)
-        decays = [(-rate * duration).exp() for rate in self.rates]
-        bends = [(rate * duration) ** 2 / 8 for rate in self.rates]
+        limits = [[phi / rate for phi, rate in zip(phis, self.rates, strict=True)] for phis in forcing]
+        apart = [[p - limit for p, limit in zip(*pair, strict=True)] for pair in zip(self.p, limits, strict=True)]
+        left, over = self.instants(ball(end - start))
+        sums = arb_mat(apart) * arb_mat(left).transpose()
+        bends = arb_mat([[(-entry).max(ZERO) for entry in row] for row in apart]) * arb_mat(over).transpose()
         reached = []
-        for i, before in enumerate(self.p):
-            limits = [phi / rate for phi, rate in zip(forcing[i], self.rates, strict=True)]
-            after = [e * p + (1 - e) * limit for e, p, limit in zip(decays, before, limits, strict=True)]
-            rises = [(new - p).max(ZERO) for new, p in zip(after, before, strict=True)]
-            above_chord = [rise.min(bend * (limit - p).max(ZERO))
-                           for rise, bend, limit, p in zip(rises, bends, limits, before, strict=True)]
-            highest = sum(before, ZERO).max(sum(after, ZERO)) + sum(above_chord, ZERO)
-            reached.append(highest.min(sum(before, ZERO) + sum(rises, ZERO)))
-            self.p[i] = after
+        for i, limit in enumerate(limits):
+            highest = [sums[i, at].max(sums[i, at + 1]) + bends[i, at] for at in range(SUBSTEPS)]
+            reached.append(sum(limit, ZERO) + reduce(arb.max, highest))
+        self.p = [[limit + entry * e for limit, entry, e in zip(*pair, left[-1], strict=True)]
+                  for pair in zip(limits, apart, strict=True)]
         self.inside(name, reached, box)
+
+    def instants(self, duration: arb) -> tuple[list[list[arb]], list[list[arb]]]:
+        """Rows of ``e^(−μ_a τ_l)``, and of ``e^(−μ_a τ_l) min(1 − e^(−μ_a δ_l), (μ_a δ_l)²/8)``."""
+        times = [ZERO, *(duration / (1 << SUBSTEPS - k) for k in range(1, SUBSTEPS + 1))]
+        left = [[(-rate * t).exp() for rate in self.rates] for t in times]
+        over = []
+        for at in range(SUBSTEPS):
+            length = times[at + 1] - times[at]
+            over.append([(now - later).min(now * (rate * length) ** 2 / 8)
+                         for now, later, rate in zip(left[at], left[at + 1], self.rates, strict=True)])
+        return left, over
 
     def tail(self, outside: Outside) -> None:
         """``Σ_a p_ia⁺ + Σ_a Σ_j c_ija q̂_j/(μ_a − ρ) ≤ D_i``"""
