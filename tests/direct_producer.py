@@ -134,16 +134,18 @@ def third_order() -> Tiny:
 
 
 def with_exosystem() -> Tiny:
-    """``z' = −z + x1 + v1``: ``z* = s + (v1 − v2)/2`` and ``u* = −(3v1 − v2)/2``."""
+    """``z' = −z + x1 + v1``: ``z* = s + (v1 − v2)/2`` and ``u* = −(3v1 − v2)/(2b)``."""
     claim = {"g": 1, "K": 6, "delta": 40, "h": None, "gamma": [], "observer": [],
              "M": [[0, 1], [-2, -3]], "N": [0, 1], "psi": [1, 3]}
     exosystem = '[exosystem]\nstates = ["v1", "v2"]\nS = [[0, 1], [-1, 0]]\ninitial = { v1 = 0, v2 = 1 }'
-    agent = 'order = 1\nzero_dynamics = { z1 = "-z1 + x1 + v1" }\nf = "z1 + v1 + z1*x1/10"\nb = 1'
+    agent = 'order = 1\nzero_dynamics = { z1 = "-z1 + x1 + v1" }\nf = "z1 + v1 + z1*x1/10"\nb = "1 + q"'
+    agent += "\nuncertain = { q = [-0.05, 0.05] }"
     psi, F = np.array([[1.0, 3.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
-    eta = np.abs(np.linalg.inv(np.vstack([psi, psi @ F])) @ np.array([0.5, -1.5]))
+    T, tau = np.linalg.inv(np.vstack([psi, psi @ F])), np.array([0.5, -1.5])
+    eta = np.abs(T @ tau) + 0.06 * np.abs(T) @ np.abs(tau)
     return Tiny(agent, 1, claim, lambda z, x, Y: ([[[-1, -1], [1, 1]]], [[1, 1], [-z[0] / 10, z[0] / 10]]),
                 (1.5, 1.5, *eta), nz=1, z_size=1.0, exosystem=exosystem, steady_state=("s + (v1 - v2)/2",),
-                ell=(-1, 0), f0=((-1, 1),), T1=Fraction(1, 16), steps=8, ranges=30)
+                ell=(-1, 0), f0=((-1, 1),), b_radius=0.05, T1=Fraction(1, 16), steps=8, ranges=30)
 
 
 def text(value: float | Fraction) -> str:

@@ -87,7 +87,8 @@ class Simulation:
         steady, tau = np.zeros(len(z)), np.zeros(s)
         if s:
             F = self.M + np.outer(self.N, self.psi)
-            tau = np.linalg.solve(np.vstack([self.psi, self.psi @ F]), [-(3 * v[0] - v[1]) / 2, -(3 * v[1] + v[0]) / 2])
+            output = np.array([-(3 * v[0] - v[1]) / 2, -(3 * v[1] + v[0]) / 2]) / b
+            tau = np.linalg.solve(np.vstack([self.psi, self.psi @ F]), output)
             steady = np.array([(v[0] - v[1]) / 2])
         x_bar, eta_bar = x - np.append([y], np.zeros(len(x) - 1)), eta - tau
         estimate, sat = self.steering(x, guess, y)
@@ -183,6 +184,9 @@ def test_what_the_first_phase_hands_on_bounds_simulated_loops(name: str) -> None
                 assert (np.abs(now["e"]) <= error * (1 + 1e-6) + 1e-8).all()
                 saturated |= abs(tiny.claim["K"] * now["estimate"]) > tiny.claim["delta"]
     Y = above(rule.at_end())
+    change = (1 / (1 - tiny.b_radius) - 1) * above(X.x)[-1]
+    at = tiny.nz + tiny.n
+    assert np.allclose(Y[at : at + len(X.zeta)], above(X.zeta) + change * np.abs(simulations(name)[0].N), rtol=1e-9)
     for loop in simulations(name):
         now = loop.at(float(tiny.T1))
         zeta = now["eta"] - loop.N * now["x"][-1]

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from certify.checker.derivatives import slope
-from certify.checker.expressions import Name, Node, evaluate, names_in
+from certify.checker.expressions import Name, Node, Sum, evaluate, names_in
 from certify.checker.functions import call
 from certify.checker.intervals import Interval, enclose, hull, total
 from certify.checker.verdict import spend
@@ -51,7 +51,8 @@ class Slope:
         d = None
         if self.d is not None and exponent:
             spend(20 * exponent)
-            d = self.d * total(self.x**k * self.c ** (exponent - 1 - k) for k in range(exponent))
+            x, c = ([ONE, base, *(base**k for k in range(2, exponent))] for base in (self.x, self.c))
+            d = self.d * total(x[k] * c[exponent - 1 - k] for k in range(exponent))
         return _join(self.x**exponent, self.c**exponent, d)
 
 
@@ -70,22 +71,38 @@ def _apply(function: str, f: Slope) -> Slope:
     return Slope(x, call(function, f.c), f.d * derivative)
 
 
-def along(node: Node, names: Sequence[str], still: Mapping[str, Interval], moved: Mapping[str, Interval]
-          ) -> list[Interval]:
-    """The slopes while the named coordinates go from ``still`` to ``moved``, one after the other.
+class Path:
+    """An expression along which the named coordinates move one after the other; its terms are taken one by one."""
 
-    The expression is enclosed where all of them have moved, so that it is smooth there, or ``Undecided`` is raised.
-    """
-    values = {name: Slope(value, value) for name, value in still.items()}
-    found, occurring = [], names_in(node)
-    for name in names:
-        values[name] = Slope(moved[name], still[name], ONE)
-        d = evaluate(node, values, _number, _apply).d if name in occurring else None
-        values[name] = Slope(moved[name], moved[name])
-        found.append(ZERO if d is None else d)
-    if not occurring & set(names):
-        evaluate(node, values, _number, _apply)
-    return found
+    def __init__(self, node: Node, names: Sequence[str]) -> None:
+        self.names = names
+        self.terms = [(term, names_in(term)) for term in _terms(node)]
+
+    def slopes(self, still: Mapping[str, Interval], moved: Mapping[str, Interval]) -> list[Interval]:
+        """One per name, while they go from ``still`` to ``moved``.
+
+        The expression is enclosed where all of them have moved, so that it is smooth there, or ``Undecided`` is raised.
+        """
+        values, found = {name: Slope(value, value) for name, value in still.items()}, []
+        for name in self.names:
+            values[name] = Slope(moved[name], still[name], ONE)
+            found.append(total(_evaluate(term, values).d or ZERO for term, names in self.terms if name in names))
+            values[name] = Slope(moved[name], moved[name])
+        for term, names in self.terms:
+            if names.isdisjoint(self.names):
+                _evaluate(term, values)
+        return found
+
+
+def _terms(node: Node) -> list[Node]:
+    if not isinstance(node, Sum):
+        return [node]
+    return [Sum(((term, True),)) if minus else term for part, minus in node.terms for term in _terms(part)]
+
+
+def _evaluate(node: Node, values: Mapping[str, Slope]) -> Slope:
+    result: Slope = evaluate(node, values, _number, _apply)
+    return result
 
 
 def _number(value: Fraction) -> Slope:

@@ -13,7 +13,7 @@ from certify.checker.intervals import Interval, symmetric, total
 from certify.checker.plant import Agent
 from certify.checker.rules.surroundings import Surroundings, common
 from certify.checker.rules.zero_ranges import ZeroRanges
-from certify.checker.slopes import ZERO, along
+from certify.checker.slopes import ZERO, Path
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,8 @@ class Increments:
 
     def __init__(self, agent: Agent, optimum: Interval, w: Mapping[str, Interval], ranges: ZeroRanges) -> None:
         self.agent, self.optimum, self.w, self.ranges = agent, optimum, w, ranges
+        self.f0 = [Path(f0, [*agent.zero_states, "x1"]) for f0 in agent.zero_dynamics]
+        self.f1 = Path(agent.f, [*agent.zero_states, *agent.chain])
 
     def on_step(self, step: int, length: Fraction, around: Surroundings, z_bar: Sequence[Interval],
                 x_bar: Sequence[Interval]) -> Slopes:
@@ -53,8 +55,7 @@ class Increments:
     def slopes(self, around: Surroundings, moved: Mapping[str, Interval]) -> Slopes:
         z, x, steady = self.agent.zero_states, self.agent.chain, around.steady_state
         still = {**moved, **dict(zip(z, steady, strict=True)), **dict.fromkeys(x, ZERO), "x1": self.optimum}
-        return Slopes([along(f0, [*z, "x1"], still, moved) for f0 in self.agent.zero_dynamics],
-                      along(self.agent.f, [*z, *x], still, moved))
+        return Slopes([path.slopes(still, moved) for path in self.f0], self.f1.slopes(still, moved))
 
 
 def increment(slopes: Sequence[Interval], shift: Sequence[Interval], z_bar: Sequence[Interval],

@@ -122,7 +122,8 @@ class _Tube:
     def inside(self, name: str, reached: Sequence[arb], box: Sequence[Fraction]) -> None:
         """Every output is within the box, and the saturation is not active in the box."""
         for i, (size, limit) in enumerate(zip(reached, box, strict=True), 1):
-            require(bool(size <= ball(limit)), f"{name}: Σ_a p_ia ≤ B_i", output=i, left=shown(size), box=limit)
+            if not size <= ball(limit):
+                require(False, f"{name}: Σ_a p_ia ≤ B_i", output=i, left=shown(size), box=limit)
         theta = box[self.loop.nz + self.loop.n]
         require(self.claim.K * theta <= self.claim.delta, f"{name}: K B_ϑ ≤ δ", left=self.claim.K * theta,
                 delta=self.claim.delta)
