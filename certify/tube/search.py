@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import log
@@ -16,6 +16,7 @@ LARGER_G = (Fraction(4), Fraction(6), Fraction(8))
 RUNGS_ABOVE = 1
 STRIDE = 3
 MOST_TRIALS = 60
+NEARLY_LEAST = Fraction(5, 4)
 _RUNGS = (
     "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700"
     " 1000 1500 2200 3300 5000"
@@ -54,10 +55,10 @@ def search_gains(
         return first
     least_K = finder.lower_K(first)
     least_h = finder.lower_h(least_K)
-    balanced = min(finder.passed, key=lambda trial: (trial.gains.K * (trial.gains.h or 1), trial.gains.K))
+    balanced = _balanced(finder.passed)
     least_delta = min(finder.passed, key=lambda trial: (trial.delta, trial.gains.K * (trial.gains.h or 1)))
     candidates = (
-        Choice("balanced", "the least product K·h of all gains that passed", balanced),
+        Choice("balanced", "the least saturation level among the least products K·h that passed", balanced),
         Choice("least K", "the least feedback gain that passed", least_K),
         Choice("least h", "the least observer gain that passed", least_h),
         Choice("least delta", "the least saturation level, so the least peak of the input, that passed", least_delta),
@@ -67,6 +68,17 @@ def search_gains(
         if all(candidate.trial is not other.trial for other in chosen):
             chosen.append(candidate)
     return tuple(chosen)
+
+
+def _balanced(passed: Sequence[Trial]) -> Trial:
+    """The least ``δ``, the peak of the input, among those whose product ``K·h`` is within a quarter of the least."""
+
+    def product(trial: Trial) -> Fraction:
+        return trial.gains.K * (trial.gains.h or 1)
+
+    least = min(map(product, passed))
+    close = [trial for trial in passed if product(trial) <= NEARLY_LEAST * least]
+    return min(close, key=lambda trial: (trial.delta, product(trial)))
 
 
 def nearest_gains(
@@ -113,8 +125,8 @@ class _Finder:
         return found if isinstance(found, Trial) else None
 
     def first(self) -> Trial | NoChoice:
-        """Some gains that pass: from moderate ones upwards in ``h/K`` and ``K``, then downwards; a saturation level that
-        is given asks for small gains first."""
+        """Some gains that pass: from moderate ones upwards in ``h/K`` and ``K``, then downwards; a saturation level
+        that is given asks for small gains first."""
         several = FIRST_G if self.requested.K is None else tuple(dict.fromkeys(FIRST_G + LARGER_G))
         ladder = (*LADDER[START::STRIDE], *HIGHER, *LADDER[START % STRIDE : START : STRIDE][::-1])
         if self.requested.delta is not None:
