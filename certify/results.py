@@ -33,7 +33,8 @@ class AgentResult:
     ``constants`` ``ς1 … ς11`` and the Jacobian bounds, ``thresholds``
     ``g, K, mu, a, delta, T, h1, h2, h3, h, level, rate``,
     ``matrices`` ``V0, P1, P2, P3``, ``bounds`` of the error coordinates along the way, by name; which of them there are
-    depends on the route. ``linear`` is the verdict of the necessary condition on requested gains.
+    depends on the route: in direct those of the plant states hold for all time, ``vartheta`` and ``input`` from the end
+    of phase 1 on. ``linear`` is the verdict of the necessary condition on requested gains.
     """
 
     id: int

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from certify.certificate import DIRECT, claim_digest
-from reports.exact_numbers import Matrix, exact, exact_matrix, exact_row
+from reports.exact_numbers import Matrix, Row, exact, exact_matrix, exact_row
 from reports.numbers import floor_log10
 from reports.tube_view import Tube, tube
 from symbolic.controller import Controller
@@ -20,9 +20,11 @@ MATRICES = ("V0", "P1", "P2", "P3")
 
 @dataclass(frozen=True)
 class AgentClaim:
-    """Gains of the claim and matrices of the witness of one agent; ``tube`` is there for the theorem direct/1.
+    """Gains of the claim and matrices of the witness of one agent; ``observer``, ``psi``, ``N`` and ``tube`` are there
+    for the theorem direct/2.
 
-    ``level`` is that of the Lyapunov function, or the largest bound of ``ϑ̃`` in the tube; ``rate`` the tube's at last.
+    ``level`` is that of the Lyapunov function, or the largest bound of ``ϑ̃`` from ``T1`` on; ``rate`` the tube's at
+    last.
     """
 
     id: int
@@ -34,6 +36,8 @@ class AgentClaim:
     matrices: Mapping[str, Matrix]
     rate: Fraction | None = None
     observer: tuple[Fraction, ...] = ()
+    psi: Row = ()
+    N: Row = ()
     tube: Tube | None = None
 
 
@@ -41,7 +45,7 @@ class AgentClaim:
 class CertifiedGains:
     """The claim's gains, in the order of the agents, and the coordinator's matrix ``P``.
 
-    ``direct`` tells the theorem direct/1 from recipe/1.
+    ``direct`` tells the theorem direct/2 from recipe/1.
     """
 
     direct: bool
@@ -115,12 +119,18 @@ def _agent(claim: Mapping[str, Any], witness: Mapping[str, Any], direct: bool) -
     if not direct:
         matrices = {name: exact_matrix(witness[name]) for name in MATRICES}
         return replace(found, level=exact(witness["level"]), matrices=matrices)
-    boxes = tube(witness)
+    boxes, psi, N = tube(witness), exact_row(claim["psi"]), exact_row(claim["N"])
+    if (
+        not len(psi) == len(N) == len(witness["ell"])
+        or boxes.plant_states != len(witness["steady_state"]) + len(claim["gamma"]) + 1
+    ):
+        raise ValueError("claim and witness do not fit")
     return replace(
         found,
-        level=boxes.peak(len(claim["gamma"]) + 1 + len(witness["steady_state"])),
-        matrices={"P3": boxes.observer_norm},
+        level=boxes.peak(boxes.plant_states),
         rate=boxes.tail_rate,
         observer=exact_row(claim["observer"]),
+        psi=psi,
+        N=N,
         tube=boxes,
     )

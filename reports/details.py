@@ -74,7 +74,7 @@ def _region(agent: AgentRegion) -> Json:
         "decay": _text(agent.error.decay),
         "input_peak": _text(bound.peak),
         "input_after_T1": _text(bound.after),
-        "T1": _text(agent.peaking),
+        "T1": _text(agent.reaching),
     }
 
 

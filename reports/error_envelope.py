@@ -51,18 +51,19 @@ class ErrorEnvelope:
 
 
 def error_envelope(tube: Tube, zeros: int, reference: AgentEnvelope, envelope: Envelope) -> ErrorEnvelope:
-    """``|y^r − s*| + |x̄_1|`` on the common refinement of the coordinator's grid and the tube's."""
+    """``|y^r − s*| + |x̄_1|`` on the common refinement of the coordinator's grid and those of phase 1 and the tube.
+
+    Each summand is bounded on its own step of time: ``x̄_1`` by the boxes of phase 1 until ``T1``, then by the tube's.
+    """
     steps = len(reference.deviation)
     end = max(tube.grid[-1], envelope.horizon)
-    border = {Fraction(0), *tube.grid[1:], *(k * envelope.step for k in range(steps + 1))}
+    border = {*tube.times, *(k * envelope.step for k in range(steps + 1))}
     times = sorted(t for t in border if t <= end)
     values = []
     for start in times[:-1]:
         k = int(start / envelope.step)
         away = reference.deviation[k] if k < steps else reference.tail_deviation
-        place = bisect_right(tube.grid, start) - 1
-        box = tube.boxes[max(place, 0)] if place < len(tube.boxes) else tube.tail
-        values.append(away + box[zeros])
+        values.append(away + tube.states[bisect_right(tube.times, start) - 1][zeros])
     # both tails are over at the last time, and both decay at least at the slower rate
     values.append(reference.tail_deviation + tube.tail[zeros])
     return ErrorEnvelope(tuple(times), tuple(values), min(tube.tail_rate, envelope.tail_decay))

@@ -72,7 +72,7 @@ def numbers_section(gains: GainsResult | None, certified: CertifiedGains | None)
     agents = () if gains is None else gains.agents
     matrices: list[tuple[int, Mapping[str, Any]]] = [(agent.id, agent.matrices) for agent in agents if agent.matrices]
     if not matrices and certified is not None:
-        matrices = [(agent.id, agent.matrices) for agent in certified.agents]
+        matrices = [(agent.id, agent.matrices) for agent in certified.agents if agent.matrices]
     return {
         "matrices": tables.matrix_groups(matrices),
         "coordinator": _coordinator(gains, certified),
@@ -92,8 +92,8 @@ def _thresholds(agents: Sequence[AgentResult], certified: CertifiedGains | None)
 
 def _tube(tube: Tube) -> dict[str, Fraction | None]:
     return {
-        "T1": tube.duration or None,
-        "kappa": tube.observer_rate,
+        "T1": tube.reaching.grid[-1],
+        "phase1_steps": Fraction(len(tube.reaching.boxes)),
         "mu1": tube.rates[0],
         "mum": tube.rates[-1],
         "kernel_rates": Fraction(len(tube.rates)),

@@ -99,7 +99,7 @@ NOTES = (
         "where the paper claims 0.0067.",
         "$h_1, h_2$ are computed with $lambda_max (P_3)$.",
         _has_observer,
-        "The decay rate $kappa$ of the observer error is proved with its own $P_3$.",
+        "No $W_e$ is used: $abs(upright(e)^(E_3 tau))$ is bounded entry by entry on a grid of times.",
     ),
     Note(
         "F8",
@@ -107,7 +107,7 @@ NOTES = (
         "$norm(e) <= sqrt(epsilon \\/ (2 lambda_min (P_3)))$.",
         "$delta >= K (max |theta.alt| + sqrt(1/2 epsilon E_2 P_3^(-1) E_2^T))$.",
         _has_observer,
-        "Each $abs(e_i)$ is bounded by $sqrt((P_3^(-1))_(i i)) norm(e)_(P_3)$.",
+        "No $W_e$ is used: each $abs(e_i)$ has a bound of its own.",
     ),
     Note(
         "F13",

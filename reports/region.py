@@ -1,25 +1,27 @@
-"""What a verified certificate of the theorem direct/1 says in the user's coordinates, exact and on the safe side.
+"""What a verified certificate of the theorem direct/2 says in the user's coordinates, exact and on the safe side.
 
-The tube's boxes hold from ``t = 0`` on for ``z̄``, ``x̄`` and ``Ψη̄``: in phase 1 their magnitudes only grow, and the
-kernels' majorants at their start are at least 1, so the first box of the tube bounds the end of phase 1 and with it
-all of it (docs/certificate-direct.md sections 4, 5). ``ϑ̃`` is bounded from ``T1`` on; before, ``|ū| ≤ δ`` is all there
-is.
+The tube's boxes hold from ``T1`` on and say nothing about the time before, so a bound of ``z̄`` or ``x̄`` for all time is
+the largest over the boxes of phase 1, each of which holds on its step, the boxes of the tube and its tail
+(docs/certificate-direct.md sections 4 to 6). Where the certificate knows a range of ``z`` itself on a step, ``z`` is in
+both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from typing import Literal
 
 import sympy
 
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
-from certify.bounds.suprema import magnitude_bound, range_bound
+from certify.bounds.suprema import range_bound
 from certify.coordinator.envelope import AgentEnvelope, Envelope
-from reports.certificate_view import AgentClaim, CertifiedGains
+from reports.certificate_view import CertifiedGains
 from reports.error_envelope import ErrorEnvelope, error_envelope
+from reports.input_bound import InputBound, input_bound
 from reports.tube_view import Tube
 from symbolic.derivation import Derivation
 from symbolic.plant import COST_VARIABLE, Agent, Interval, Plant
@@ -42,31 +44,15 @@ class StateBound:
 
 
 @dataclass(frozen=True)
-class InputBound:
-    """``|u| ≤ saturation + internal + steady`` for all time: ``|ū| ≤ δ``, ``|Ψη̄|``, ``|u*(s*, v, w)|``.
-
-    ``after`` bounds ``|u|`` from ``T1`` on, where ``|ū| = |Kϑ̃|`` follows the tube.
-    """
-
-    saturation: Fraction
-    internal: Fraction
-    steady: Fraction
-    after: Fraction
-
-    @property
-    def peak(self) -> Fraction:
-        return self.saturation + self.internal + self.steady
-
-
-@dataclass(frozen=True)
 class AgentRegion:
-    """One agent: its plant states, ``|y − s*|`` over time, its input, the length ``T1`` of the peaking phase."""
+    """One agent: its plant states, ``|y − s*|`` over time, its input, and the length ``T1`` of phase 1, in which
+    the saturated feedback brings ``ϑ`` down (0 when nothing ever saturates)."""
 
     id: int
     states: tuple[StateBound, ...]
     error: ErrorEnvelope
     input: InputBound
-    peaking: Fraction
+    reaching: Fraction
 
 
 @dataclass(frozen=True)
@@ -91,47 +77,50 @@ def region(plant: Plant, derivation: Derivation, certified: CertifiedGains, enve
         box = (
             outside | {COST_VARIABLE: certified.optimum} | dict(zip(agent.parameters, agent.parameter_box, strict=True))
         )
-        agents.append(_agent(agent, derived.steady_state, claim, claim.tube, reference, envelope, box))
+        input_ = input_bound(agent, claim, claim.tube, derived.steady_state.u_star, box)
+        if isinstance(input_, str):
+            return input_
+        agents.append(_agent(agent, derived.steady_state, input_, claim.tube, reference, envelope, box))
     return Region(tuple(agents))
 
 
 def _agent(
     agent: Agent,
     steady: SteadyState,
-    claim: AgentClaim,
+    input_: InputBound,
     tube: Tube,
     reference: AgentEnvelope,
     envelope: Envelope,
     box: Box,
 ) -> AgentRegion:
-    zeros, outputs = len(agent.zero_states), tube.outputs
+    zeros = len(agent.zero_states)
     error = error_envelope(tube, zeros, reference, envelope)
     states = [
-        _around(state, "steady state", range_bound(value, box).interval, tube, k)
+        _zero_state(state, k, range_bound(value, box).interval, agent.initial.z, tube)
         for k, (state, value) in enumerate(zip(agent.zero_states, steady.z_star, strict=True))
     ]
-    states.append(_around(agent.chain[0], "reference", box[COST_VARIABLE], tube, zeros, error.peak))
-    for k, state in enumerate(agent.chain[1:], 1):
-        states.append(_around(state, "origin", Interval(Fraction(0), Fraction(0)), tube, zeros + k))
-    estimate = zeros + agent.order
-    internal = tube.peak(estimate + 1) if outputs > estimate + 1 else Fraction(0)
-    target_input = magnitude_bound(steady.u_star, box).value
-    after = max(
-        claim.K * row[estimate] + (row[estimate + 1] if outputs > estimate + 1 else 0)
-        for row in (*tube.boxes, tube.tail)
-    )
-    return AgentRegion(
-        id=agent.id,
-        states=tuple(states),
-        error=error,
-        input=InputBound(claim.delta, internal, target_input, after + target_input),
-        peaking=tube.duration,
-    )
+    output, origin = agent.chain[0], Interval(Fraction(0), Fraction(0))
+    states.append(_state(output, "reference", _around(box[COST_VARIABLE], error.peak), tube, zeros))
+    for k, state in enumerate(agent.chain[1:], zeros + 1):
+        states.append(_state(state, "origin", _around(origin, tube.furthest(k)), tube, k))
+    return AgentRegion(agent.id, tuple(states), error, input_, reaching=tube.reaching.grid[-1])
 
 
-def _around(
-    state: sympy.Symbol, target: Target, middle: Interval, tube: Tube, output: int, radius: Fraction | None = None
-) -> StateBound:
-    distance = tube.peak(output)
-    reach = distance if radius is None else radius
-    return StateBound(state, target, Interval(middle.lo - reach, middle.hi + reach), distance, tube.tail[output])
+def _zero_state(state: sympy.Symbol, k: int, steady: Interval, initial: Sequence[Interval], tube: Tube) -> StateBound:
+    """``z_k ∈ z*_k ± ẑ_k`` on every step, and between its ranges at the two ends of the step where they are known."""
+    around = [_around(steady, row[k]) for row in tube.states]
+    ends = [initial[k], *(known[k] for known in tube.ranges)]
+    for step, (before, after) in enumerate(pairwise(ends)):
+        lo, hi = min(before.lo, after.lo), max(before.hi, after.hi)
+        around[step] = Interval(max(around[step].lo, lo), min(around[step].hi, hi))
+    whole = Interval(min(side.lo for side in around), max(side.hi for side in around))
+    away = max(whole.hi - steady.lo, steady.hi - whole.lo)
+    return StateBound(state, "steady state", whole, min(tube.furthest(k), away), tube.tail[k])
+
+
+def _state(state: sympy.Symbol, target: Target, whole: Interval, tube: Tube, k: int) -> StateBound:
+    return StateBound(state, target, whole, tube.furthest(k), tube.tail[k])
+
+
+def _around(middle: Interval, radius: Fraction) -> Interval:
+    return Interval(middle.lo - radius, middle.hi + radius)

@@ -111,8 +111,9 @@ def _settling(agent: AgentRegion) -> list[cells.Cell]:
 
 def _inputs(agent: AgentRegion, runs: Sequence[Trajectory]) -> list[cells.Cell]:
     bound = agent.input
-    proved = (bound.internal, bound.steady, bound.peak, bound.after)
-    row = [cells.text(agent.id), cells.number(bound.saturation), *map(_bound, proved), _bound(agent.peaking)]
+    internal = cells.text("–") if bound.internal is None else _bound(bound.internal)
+    proved = (bound.steady, bound.peak, bound.after, agent.reaching)
+    row = [cells.text(agent.id), cells.number(bound.saturation), internal, *map(_bound, proved)]
     if runs:
         row.append(estimate(max(float(np.nanmax(np.abs(run.agents[agent.id - 1].u))) for run in runs)))
     return row

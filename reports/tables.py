@@ -49,8 +49,8 @@ CONSTANTS = {
 }
 
 TUBE = {
-    "T1": ("T_1", "length of the peaking phase (s)"),
-    "kappa": ("kappa", "decay of $norm(e)_(P_3)$ per $h$"),
+    "T1": ("T_1", "length of phase 1, where the feedback may saturate (s)"),
+    "phase1_steps": ("j", "steps of phase 1"),
     "mu1": ("mu_1", "slowest rate of the kernels' majorants (1/s)"),
     "mum": ("mu_m", "fastest rate of the kernels' majorants (1/s)"),
     "kernel_rates": ("m", "number of rates"),

@@ -30,6 +30,7 @@ from reports.cross_checked import ending, search_fields, sentence
 from reports.details import details
 from reports.document import build_report
 from reports.error_envelope import ErrorEnvelope
+from reports.input_bound import InputBound, input_bound
 from reports.numbers import rounded
 from reports.recomputed import coordinator_envelope
 from reports.region import Region, region
@@ -37,13 +38,14 @@ from reports.region_bounds import signal_bounds
 from reports.region_sections import closest
 from reports.sections import document_data
 from reports.study import Study, conclusion
+from reports.tube_view import Reaching, Tube
 from sims.closed_loop import Trajectory, simulate
 from sims.cross_check import CrossCheck
 from sims.falsifier import Tried
 from sims.scenario import random_scenario
 from symbolic.controller import Controller
 from symbolic.derivation import Derivation, derive
-from symbolic.plant import Plant
+from symbolic.plant import Interval, Plant
 from symbolic.plant_file import parse_plant
 
 MIXED = """
@@ -137,7 +139,7 @@ def test_no_run_leaves_the_region(certified: Certified, runs: tuple[Trajectory, 
                 assert float(bound.whole.lo) - 1e-6 <= values.min()
                 assert values.max() <= float(bound.whole.hi) + 1e-6
             assert np.abs(agent.u).max() <= float(bounds.input.peak)
-            late = run.t >= float(bounds.peaking)
+            late = run.t >= float(bounds.reaching)
             assert np.abs(agent.u[late]).max() <= float(bounds.input.after)
     assert 0.01 < closest(certified.region, runs) <= 1.0
 
@@ -149,6 +151,62 @@ def test_bounds_that_are_too_small_are_left(certified: Certified, runs: tuple[Tr
         for agent in certified.region.agents
     )
     assert closest(Region(shrunk), runs) > 1.0
+
+
+def test_the_boxes_of_the_tube_alone_are_left_before_it_begins(
+    certified: Certified, runs: tuple[Trajectory, ...]
+) -> None:
+    """Why phase 1 counts: ``|x_1 − y^r|`` starts above what the tube says."""
+    tube = certified.view.agents[0].tube
+    assert tube is not None and tube.grid[0] > 0
+    apart = max(np.abs(run.agents[0].x[0] - run.reference[0]).max() for run in runs)
+    assert float(tube.peak(0)) < apart <= float(tube.furthest(0))
+    assert certified.region.agents[0].states[0].distance == tube.furthest(0)
+
+
+def test_the_search_bounds_the_plant_states_for_all_time_too(certified: Certified) -> None:
+    for result, bounds in zip(certified.gains.agents, certified.region.agents, strict=True):
+        assert set(result.bounds) == {*(str(state.state) for state in bounds.states), "vartheta", "input"}
+        for state in bounds.states:
+            assert state.distance <= result.bounds[str(state.state)]
+        assert bounds.input.tracking <= result.bounds["input"]
+
+
+def test_a_range_of_the_zero_state_itself_is_used_where_it_is_known(certified: Certified) -> None:
+    zero, tube = certified.region.agents[1].states[0], certified.view.agents[1].tube
+    assert tube is not None and tube.ranges
+    assert zero.whole.lo == certified.plant.agents[1].initial.z[0].lo  # it never gets below its start
+    unknown = replace(certified.view.agents[1], tube=replace(tube, ranges=()))
+    assert certified.gains.envelope is not None
+    view = replace(certified.view, agents=(certified.view.agents[0], unknown))
+    wider = region(certified.plant, certified.derivation, view, certified.gains.envelope)
+    assert isinstance(wider, Region)
+    without = wider.agents[1].states[0]
+    assert without.distance == tube.furthest(0) > zero.distance
+    assert without.whole.lo < zero.whole.lo <= zero.whole.hi <= without.whole.hi
+
+
+def test_the_input_before_and_after_the_saturation_by_hand(certified: Certified) -> None:
+    """``b ∈ [1/2, 2]``, ``Ψ = (1, −2)``, ``N = (3, 4)``: ``|Ψ| (1, 1) + |3 − 8| x̂/b_min = 3 + 20`` with ``x̂ = 2``."""
+    one = list(map(Fraction, (1, 1, 1)))
+    reaching = Reaching((Fraction(0), Fraction(1)), (tuple(map(Fraction, (2, 9, 1, 1))),))
+    boxes = ((Fraction(1), Fraction(1), Fraction(7)),)
+    tube = Tube(reaching, (Fraction(1),), (Fraction(1), Fraction(2)), boxes, (), tuple(one), Fraction(1, 2))
+    q, v = sympy.Symbol("q"), sympy.Symbol("v")
+    box = {q: Interval(Fraction(1, 2), Fraction(2)), v: Interval(Fraction(-3), Fraction(1))}
+    agent = replace(certified.plant.agents[0], b=q)
+    claim = replace(
+        certified.view.agents[0], delta=Fraction(5), psi=(Fraction(1), Fraction(-2)), N=(Fraction(3), Fraction(4))
+    )
+    assert input_bound(agent, claim, tube, v, box) == InputBound(Fraction(5), Fraction(23), Fraction(3), Fraction(7))
+    found = InputBound(Fraction(5), Fraction(23), Fraction(3), Fraction(7))
+    assert (found.peak, found.after) == (31, 10)
+    assert replace(found, tracking=Fraction(99)).peak == 102
+    never = replace(tube, reaching=Reaching((Fraction(0),), ()), grid=(Fraction(0), Fraction(2)))
+    unsaturated = input_bound(agent, claim, never, v, box)
+    assert isinstance(unsaturated, InputBound)
+    assert (unsaturated.internal, unsaturated.peak) == (None, 10)
+    assert isinstance(input_bound(replace(agent, b=q - 1), claim, tube, v, box), str)
 
 
 def test_the_region_from_the_two_files_is_that_of_the_search(certified: Certified) -> None:
@@ -269,7 +327,9 @@ def test_details_are_json_with_exact_numbers_as_text(certified: Certified) -> No
 def damages(certificate: Json) -> Iterator[Json]:
     for key, value in (
         ("grid", ["0"]), ("grid", ["1", "0"]), ("boxes", []), ("boxes", [["1"]]), ("rates", []), ("tail", None),
-        ("tail", {"box": [], "rate": "1"}), ("phase1", {"steps": "8"}), ("observer_rate", "1e9"), ("boxes", 3),
+        ("tail", {"box": [], "rate": "1"}), ("boxes", 3),
+        ("phase1", {"grid": [], "boxes": []}), ("phase1", {"grid": ["0", "1e9"], "boxes": [["1"]]}), ("phase1", None),
+        ("ranges", [[]]), ("ranges", [[["1", "0"]]]), ("ell", ["1"]), ("steady_state", []),
     ):  # fmt: skip
         changed = deepcopy(certificate)
         changed["witness"]["agents"][1][key] = value

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 
+import numpy as np
+
 from certify.bounds.rationals import round_down, round_up
 from certify.certificate import Json
 from certify.preparation import Prepared
 from certify.results import AgentResult, Alternative
 from certify.tube.certificate import BOX_BITS, tube_controller, tube_witness
 from certify.tube.search import Choice, NoChoice, nearest_gains, search_gains
-from certify.tube.trial import AgentTrials
+from certify.tube.trial import AgentTrials, Trial
 from symbolic.controller import AgentController
 from symbolic.plant import RequestedGains
 
@@ -31,7 +33,7 @@ def tube_agent(
         return AgentResult(derived.id, "inconclusive", reason, linear=linear), None, None
     default = found[0].trial
     controller = tube_controller(model, default)
-    peak = [round_up(Fraction(float(value)), BOX_BITS) for value in default.tube.peak]
+    peak = [round_up(Fraction(float(value)), BOX_BITS) for value in _peak(default)]
     names = [str(z) for z in model.agent.zero_states] + [str(x) for x in model.agent.chain] + ["vartheta", "input"]
     rate = round_down(Fraction(default.tube.tail_rate), BOX_BITS)
     thresholds = {"g": controller.g, "K": controller.K, "delta": controller.delta, "rate": rate}
@@ -48,6 +50,15 @@ def tube_agent(
         alternatives=tuple(_alternative(choice) for choice in found[1:]),
     )
     return result, controller, tube_witness(model, default)
+
+
+def _peak(trial: Trial) -> np.ndarray:
+    """The largest bounds of ``z̄, x̄`` over both phases; of ``ϑ̃`` and ``υ`` from ``T1`` on, where they are outputs."""
+    peak = trial.tube.peak.copy()
+    states = len(peak) - 2
+    for box in trial.reached.boxes:
+        peak[:states] = np.maximum(peak[:states], box.flat[:states])
+    return peak
 
 
 def _nearest(trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None]) -> str:
