@@ -24,7 +24,7 @@ _RUNGS = (
 LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
 HIGHER = tuple(Fraction(10) ** k for k in (4, 5))
 START = LADDER.index(Fraction(300))
-RATIOS = tuple(Fraction(k) for k in (5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 60, 100, 200, 400, 1000))
+RATIOS = tuple(Fraction(k) for k in (5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 35, 40, 50, 60, 100, 200, 400, 1000))
 FIRST_RATIOS = tuple(Fraction(k) for k in (25, 100, 400))
 
 
@@ -55,6 +55,7 @@ def search_gains(
         return first
     least_K = finder.lower_K(first)
     least_h = finder.lower_h(least_K)
+    finder.relax(min(finder.passed, key=_product))
     balanced = _balanced(finder.passed)
     least_delta = min(finder.passed, key=lambda trial: (trial.delta, trial.gains.K * (trial.gains.h or 1)))
     candidates = (
@@ -70,15 +71,15 @@ def search_gains(
     return tuple(chosen)
 
 
+def _product(trial: Trial) -> Fraction:
+    return trial.gains.K * (trial.gains.h or 1)
+
+
 def _balanced(passed: Sequence[Trial]) -> Trial:
     """The least ``δ``, the peak of the input, among those whose product ``K·h`` is within a quarter of the least."""
-
-    def product(trial: Trial) -> Fraction:
-        return trial.gains.K * (trial.gains.h or 1)
-
-    least = min(map(product, passed))
-    close = [trial for trial in passed if product(trial) <= NEARLY_LEAST * least]
-    return min(close, key=lambda trial: (trial.delta, product(trial)))
+    least = min(map(_product, passed))
+    close = [trial for trial in passed if _product(trial) <= NEARLY_LEAST * least]
+    return min(close, key=lambda trial: (trial.delta, _product(trial)))
 
 
 def nearest_gains(
@@ -181,6 +182,13 @@ class _Finder:
                     above = middle
                     best = found if (found.gains.h or 0) < (best.gains.h or 0) else best
         return best
+
+    def relax(self, tight: Trial) -> None:
+        """A little more ``h`` at the same ``K``: it often needs a far smaller saturation level."""
+        if tight.gains.h is not None and self.requested.h is None:
+            for ratio in RATIOS:
+                if self._ratio(tight) < ratio <= NEARLY_LEAST * self._ratio(tight):
+                    self.attempt(tight.gains.g, tight.gains.K, ratio)
 
     def _ratio(self, trial: Trial) -> Fraction:
         return Fraction(1) if trial.gains.h is None else trial.gains.h / trial.gains.K
