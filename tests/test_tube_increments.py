@@ -1,19 +1,31 @@
-"""What is bounded by norms in the direct route lies above what is sampled: increments, steady states, the peaking."""
+"""What is bounded by norms in the direct route lies above what is sampled: increments, steady states, phase 1."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 import sympy
+from scipy.linalg import expm
 
-from certify.tube.increments import residuals
-from certify.tube.peaking import Peaked
+from certify.tube.increments import Ranges, residuals
 from certify.tube.surroundings import Moment
 from symbolic.plant import COST_VARIABLE
-from tests.tubes import QUICK, Array, Starts, passed, running, trials
+from tests.tubes import (
+    QUICK,
+    TOLERANCE,
+    Array,
+    Starts,
+    largest_vartheta,
+    leaves_ranges,
+    passed,
+    reaching_usage,
+    running,
+    trials,
+)
 
 EVERY = [*QUICK, ("five_agents", 1), ("five_agents", 3)]
 SAMPLES = 400
+EMPTY: Ranges = ()
 
 
 def draw(generator: np.random.Generator, sides: list[tuple[float, float]]) -> Array:
@@ -26,7 +38,9 @@ def draw(generator: np.random.Generator, sides: list[tuple[float, float]]) -> Ar
 
 @pytest.mark.parametrize(("name", "number"), EVERY)
 @pytest.mark.parametrize("size", [0.1, 1.0])
-def test_increments_lie_below_their_bounds(name: str, number: int, size: float) -> None:
+@pytest.mark.parametrize("known", [False, True])
+def test_increments_lie_below_their_bounds(name: str, number: int, size: float, known: bool) -> None:
+    """Also where something is known of ``z`` itself: points that are elsewhere do not count."""
     held, generator = trials(name, number), np.random.default_rng(5)
     model, increments = held.model, held.increments
     agent, zeros, n = model.agent, increments.zeros, model.order
@@ -39,6 +53,13 @@ def test_increments_lie_below_their_bounds(name: str, number: int, size: float) 
     optimum = np.full(SAMPLES, float(model.optimum.lo))
     outside = (COST_VARIABLE, *model.exosystem.states, *agent.parameters)
     steady = np.array([_value(part, outside, [optimum, *v, *w]) for part in model.steady_state]).reshape(zeros, SAMPLES)
+    around, ranges = increments.zero_ranges(z_size, moment), EMPTY
+    if known:
+        ranges = tuple((low + 0.3 * (high - low), high - 0.2 * (high - low)) for low, high in around)
+        z = draw(generator, list(ranges)).reshape(zeros, SAMPLES)
+        z_bar = z - steady
+    there = np.all(np.abs(z_bar) <= z_size[:, None] * (1 + 1e-12), axis=0)
+    assert there.any()
     x = x_bar.copy()
     x[0] += reference
     rest = np.zeros((n, SAMPLES))
@@ -49,15 +70,19 @@ def test_increments_lie_below_their_bounds(name: str, number: int, size: float) 
     q = []
     for expression, row in zip((*agent.zero_dynamics, agent.f), [*f0, f1], strict=True):
         here = _value(expression, symbols, [*(steady + z_bar), *x, *v, *w])
-        there = _value(expression, symbols, [*steady, *rest, *v, *w])
-        q.append(here - there - row @ np.vstack([z_bar, x_bar])[: len(row)])
-    S, s = residuals(increments.slopes(z_size, x_size, moment), f0, f1, zeros)
+        at_rest = _value(expression, symbols, [*steady, *rest, *v, *w])
+        q.append(here - at_rest - row @ np.vstack([z_bar, x_bar])[: len(row)])
+    S, s = residuals(increments.slopes(z_size, x_size, moment, ranges), f0, f1, zeros)
     bound = S @ np.concatenate([z_size, x_size]) + s * moment.deviation
-    reached = np.abs(np.array(q)).max(axis=1)
+    found = np.abs(np.array(q))[:, there]
+    reached = found.max(axis=1)
     assert np.all(reached <= bound * (1 + 1e-9) + 1e-12)
     pointwise = S @ np.abs(np.vstack([z_bar, x_bar])) + s[:, None] * np.abs(reference - optimum)
-    assert np.all(np.abs(q) <= pointwise * (1 + 1e-9) + 1e-9)
-    assert np.all(reached >= 0.1 * bound - 1e-9)
+    assert np.all(found <= pointwise[:, there] * (1 + 1e-9) + 1e-9)
+    assert known or np.all(reached >= 0.1 * bound - 1e-9)
+    if known:
+        wide, _ = residuals(increments.slopes(z_size, x_size, moment), f0, f1, zeros)
+        assert np.all(wide * (1 + 1e-9) + 1e-12 >= S)
 
 
 def _value(expression: sympy.Expr, symbols: tuple[sympy.Symbol, ...], values: list[Array]) -> Array:
@@ -86,19 +111,58 @@ def test_moments_contain_the_exosystem_the_reference_and_the_steady_state(name: 
                 assert low - 1e-7 <= star.min() and star.max() <= high + 1e-7
 
 
-@pytest.mark.parametrize(("name", "number"), [key for key in EVERY if key not in [("first_order", 1), ("rooms", 2)]])
-def test_the_state_after_the_peaking_phase_is_bounded(name: str, number: int) -> None:
-    """``z̄, x̄`` and the observer's error at ``T1``, from corners and inner points; ``e`` is what decays meanwhile."""
-    trial = passed(name, number)
-    peaked: Peaked = trial.peaked
-    if peaked.duration == 0:
-        pytest.skip("no peaking phase was chosen: the tube begins at 0")
-    starts = Starts(name, number, peaked.duration * 1.01)
-    flight = starts.fly_alone(starts.corners_and_inner(8, 4), np.array([0.0, peaked.duration]))
-    plant, n = len(trial.nominal.f1), trials(name, number).model.order
-    assert np.all(np.abs(flight.outputs[:, :plant, 1]) <= peaked.state[:plant] * (1 + 1e-6))
-    assert np.all(np.abs(flight.observer[:, :, 1]) <= peaked.state[-n:] * (1 + 1e-6) + 1e-9)
-    assert np.abs(flight.observer[:, :, 0]).max() >= np.abs(flight.observer[:, :, 1]).max()
+@pytest.mark.parametrize(("name", "number"), EVERY)
+def test_later_contains_every_phase_of_the_exosystem(name: str, number: int) -> None:
+    """The steady states on the ellipsoid around the orbits of ``V0``, by long flights from its corners."""
+    held, generator = trials(name, number), np.random.default_rng(3)
+    model, S, moment = held.model, held.surroundings.S, held.surroundings.later()
+    symbols = (COST_VARIABLE, *model.exosystem.states, *model.agent.parameters)
+    corners = draw(generator, [(float(side.lo), float(side.hi)) for side in model.exosystem.initial])
+    w = draw(generator, held.increments.parameters)
+    optimum, used = float(model.optimum.lo), [0.0] * len(model.steady_state)
+    for time in generator.uniform(0, 60, 40):
+        v = expm(S * time) @ corners
+        for part, (low, high) in zip(v, moment.v, strict=True):
+            assert low - 1e-9 <= part.min() and part.max() <= high + 1e-9
+        for k, (expression, (low, high)) in enumerate(zip(model.steady_state, moment.steady, strict=True)):
+            star = _value(expression, symbols, [np.full(SAMPLES, optimum), *v, *w])
+            assert low - 1e-9 <= star.min() and star.max() <= high + 1e-9
+            used[k] = max(used[k], float(np.ptp(star)) / max(high - low, 1e-9))
+    assert all(share > 0.4 for share in used if share), used
+
+
+SATURATED = [
+    ("van_der_pol", 2),
+    ("third_order_actuator", 2),
+    ("fourth_order", 1),
+    *(("five_agents", number) for number in range(1, 6)),
+]
+
+
+@pytest.mark.parametrize(("name", "number"), dict.fromkeys([*EVERY, *SATURATED]))
+def test_the_first_phase_is_bounded(name: str, number: int) -> None:
+    """From corners and inner points, by LSODA: all magnitudes on all steps, and ``Y`` where the tube begins."""
+    trial, held = passed(name, number), trials(name, number)
+    duration = trial.reached.duration
+    grid = np.array(trial.reached.grid)
+    times = np.unique(np.concatenate([grid, grid[:-1] + 0.4 * np.diff(grid), grid[:-1] + 0.8 * np.diff(grid)]))
+    starts = Starts(name, number, duration + 0.01)
+    flight = starts.fly_alone(starts.corners_and_inner(8, 4), np.append(times, duration + 0.01))
+    used = reaching_usage(trial, flight, largest_vartheta(name, number))
+    assert used.max() <= 1, used.max(axis=0)
+    end = len(times) - 1
+    assert flight.times[end] == duration
+    Y = np.abs(flight.Y[:, :, end]).max(axis=0)
+    assert np.all(trial.reached.start * (1 + 1e-6) + TOLERANCE >= Y), Y / trial.reached.start
+    assert leaves_ranges(trial, flight, held.initial.ranges) <= TOLERANCE
+    vartheta = np.abs(flight.outputs[:, held.increments.zeros + held.increments.order])
+    level = float(trial.delta / trial.gains.K)
+    assert vartheta[:, end:].max() <= level
+    if (name, number) in SATURATED:
+        assert duration > 0.01 and vartheta[:, :end].max() > 2 * level  # the saturation does act
+        later = times > duration / 5  # and the line of vartheta is about these trajectories
+        line = np.interp(times, grid, [largest_vartheta(name, number), *trial.reached.vartheta])
+        assert np.max(np.abs(flight.reaching[:, len(trial.nominal.f1), :-1][:, later]) / line[later]) > 0.3
 
 
 @pytest.mark.parametrize(("name", "number"), EVERY)
@@ -109,8 +173,7 @@ def test_initial_magnitudes_cover_the_initial_set(name: str, number: int) -> Non
     found = np.abs(flight.outputs[:, : len(bound), 0]).max(axis=0)
     assert np.all(found <= bound + 1e-9)
     assert found[-1] >= 0.9 * bound[-1]
-    law = running(name, number).law
+    law, n = running(name, number).law, held.model.order
     if law.h is not None:
-        h, n = float(law.h), len(flight.observer[0])
-        scaled = np.abs(flight.observer[:, :, 0]).max(axis=0) / h ** np.arange(n - 1, -1, -1)
+        scaled = np.abs(flight.Y[:, -n:, 0]).max(axis=0) / float(law.h) ** np.arange(n - 1, -1, -1)
         assert np.all(scaled <= held.initial.estimate + 1e-9)

@@ -24,12 +24,11 @@ EVERY = [*QUICK, ("five_agents", 1)]
 
 
 def responses(loop: Loop, times: Array) -> Array:
-    """``C e^{At} [B | I]`` in ball arithmetic: A is stiff, and floats would drown the small entries in rounding."""
+    """``C e^{At} [B | S]`` in ball arithmetic: A is stiff, and floats would drown the small entries in rounding."""
     with ctx.workprec(400):
         A = arb_mat([[_ball(entry) for entry in row] for row in loop.A])
         C = arb_mat([[_ball(entry) for entry in row] for row in loop.outputs])
-        unit = [[Fraction(i == j) for j in range(loop.size)] for i in range(loop.size)]
-        J = arb_mat([[_ball(entry) for entry in row] for row in (*loop.columns, *unit)]).transpose()
+        J = arb_mat([[_ball(entry) for entry in row] for row in (*loop.columns, *loop.starts)]).transpose()
         found = [C * (A * _ball(Fraction(float(t)))).exp() * J for t in times]
         assert all(entry.rad() < 1e-9 for matrix in found for entry in matrix.entries())
         return np.array([[[float(entry.mid()) for entry in row] for row in matrix.tolist()] for matrix in found])
@@ -46,11 +45,53 @@ def test_majorants_lie_above_the_impulse_responses(name: str, number: int) -> No
     generator = np.random.default_rng(number)
     times = np.exp(generator.uniform(np.log(1e-3 / fastest), np.log(45 / slowest), 80))
     times = np.concatenate([[0.0], times])
-    true = np.abs(responses(loop_of(name, number), times))
-    bound = np.einsum("ija,ta->tij", trial.kernels.coefficients, np.exp(-np.outer(times, trial.kernels.rates)))
-    assert np.all(trial.kernels.coefficients >= 0)
-    assert np.all(true <= bound * (1 + 1e-12))
-    assert np.any(true > bound / 3)  # a third of it would not do
+    exact = responses(loop_of(name, number), times)
+    bound = sums(trial, times)
+    assert np.all(np.abs(exact) <= bound * (1 + 1e-12))
+    assert np.any(np.abs(exact) > bound / 3)  # a third of it would not do
+    rounding = (
+        1e-12 * np.linalg.norm(trial.modes.outputs, axis=1)[:, None] * np.linalg.norm(trial.modes.columns, axis=0)
+    )
+    assert np.all(np.abs(_floats(trial, times) - exact) <= rounding)
+    ends = cells(trial.modes)
+    fine = np.concatenate([ends[:-1] + share * np.diff(ends) for share in (0.0, 0.25, 0.5, 0.75, 1.0)])
+    assert np.all(np.abs(_floats(trial, fine)) <= sums(trial, fine) + rounding)
+
+
+def sums(trial: Trial, times: Array) -> Array:
+    return np.einsum("ija,ta->tij", trial.kernels.coefficients, np.exp(-np.outer(times, trial.kernels.rates)))
+
+
+@pytest.mark.parametrize(("name", "number"), EVERY)
+def test_majorants_of_responses_that_begin_at_zero_begin_low(name: str, number: int) -> None:
+    """Which only coefficients of either sign can do; positive ones add up at 0."""
+    trial, loop = passed(name, number), loop_of(name, number)
+    assert np.any(trial.kernels.coefficients < 0)
+    times = np.append(0.0, np.geomspace(1e-3 / trial.kernels.rates[-1], 5 / trial.kernels.rates[0], 400))
+    found, height = sums(trial, times), np.abs(_floats(trial, times)).max(axis=0)
+    zero = [
+        [not any(c * x for c, x in zip(row, column, strict=True)) for column in (*loop.columns, *loop.starts)]
+        for row in loop.outputs
+    ]
+    matters = np.array(zero) & (height > 1e-6)
+    assert matters.any()
+    assert np.median(found[0][matters] / found.max(axis=0)[matters]) < 0.2
+
+
+@pytest.mark.parametrize(("name", "number"), EVERY)
+def test_start_columns_are_a_change_of_coordinates(name: str, number: int) -> None:
+    """Exactly ``X = Σ S_l Y_l`` with ``ϑ = θx̄`` and ``ζ = η̄ − N x̄_n/b`` in place of ``x̄_n`` and ``η̄``."""
+    loop, model = loop_of(name, number), trials(name, number).model
+    gains, nominal = passed(name, number).gains, trials(name, number).nominal
+    nz, n, s = loop.zeros, loop.order, loop.internal
+    generator = np.random.default_rng(1)
+    X = [Fraction(int(k), 7) for k in generator.integers(-50, 50, loop.size)]
+    x, eta = X[nz : nz + n], X[nz + n : nz + n + s]
+    theta = [*(gains.g ** (n - k) * model.gamma[k - 1] for k in range(1, n)), Fraction(1)]
+    vartheta = sum((a * b for a, b in zip(theta, x, strict=True)), Fraction(0))
+    zeta = [value - N * x[-1] / nominal.b for value, N in zip(eta, model.internal_model.N, strict=True)]
+    Y = [*X[:nz], *x[:-1], vartheta, *zeta, *X[nz + n + s :]]
+    assert [sum(y * row[k] for y, row in zip(Y, loop.starts, strict=True)) for k in range(loop.size)] == X
 
 
 @pytest.mark.parametrize(("name", "number"), EVERY)
@@ -112,6 +153,12 @@ def test_the_nominal_matrix_is_the_closed_loop_linearised(name: str, number: int
     estimate = equations.vartheta_estimate
     assert [sympy.diff(estimate, state) for state in order] == [
         as_expression(entry) for entry in loop.outputs[loop.plant_outputs]
+    ]
+    last = sympy.Matrix([rows[loop.plant_outputs - 1]]).jacobian(order)
+    slopes = [*map(as_expression, nominal.f1), *[sympy.Integer(0)] * (loop.size - loop.plant_outputs)]
+    # υ is what b multiplies in x_n'
+    assert [sympy.expand(a - b) for a, b in zip(last, slopes, strict=True)] == [
+        as_expression(nominal.b * entry) for entry in loop.outputs[loop.plant_outputs + 1]
     ]
 
 

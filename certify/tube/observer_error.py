@@ -14,6 +14,7 @@ from certify.inequalities.matrices import to_float
 CELLS_PER_NORM = 4
 NEGLIGIBLE = 2.0**-64
 MOST_CELLS = 16_384
+LARGEST = 1e100
 MARGIN = 1.0005
 
 
@@ -27,15 +28,15 @@ class ObserverDecay:
 
 
 def observer_decay(observer: Matrix) -> ObserverDecay | None:
-    """``None`` when ``e^{E3 τ}`` takes too many cells to vanish."""
+    """``None`` when ``e^{E3 τ}`` takes too many cells to vanish, or grows."""
     E3 = to_float(observer)
     size, norm = len(observer), float(np.abs(E3).sum(axis=1).max())
     width = 2.0 ** -np.ceil(np.log2(CELLS_PER_NORM * norm))
     step, spread = expm(E3 * width), expm(np.abs(E3) * width)
     flow, integral = np.eye(size), np.zeros((size, size))
     bounds: list[np.ndarray] = []
-    while np.abs(flow).sum(axis=1).max() > NEGLIGIBLE:
-        if len(bounds) >= MOST_CELLS:
+    while (left := np.abs(flow).sum(axis=1).max()) > NEGLIGIBLE:
+        if len(bounds) >= MOST_CELLS or left > LARGEST:
             return None
         slope, curve = width * np.abs(E3 @ flow), width**2 / 2 * np.abs(E3 @ E3 @ flow) @ spread
         bounds.append(np.abs(flow) + slope + curve)

@@ -157,7 +157,10 @@ class Reaching:
             if remains < best_left:
                 best, best_left = self._reached(instants, boxes), remains
         if best_left > level:
-            reason = f"the feedback stays saturated: |ϑ| falls to {best_left:.3g}, the level δ/K is {level:.3g}"
+            reason = (
+                f"with the saturation level delta = {self.delta:.4g} the feedback stays saturated: "
+                f"|ϑ| falls to {best_left:.3g}, not to delta/K = {level:.3g}"
+            )
             return Stuck(reason, best_left)
         return best
 
