@@ -1,6 +1,6 @@
 """Ten thousand trajectories inside each example's certificate, and the worst margin.
 
-    python benchmarks/cross_check.py [--count 10000] [--certificates DIR] [NAME …]
+    python benchmarks/cross_check.py [--count 10000] [--horizon 40] [--certificates DIR] [NAME …]
 
 Every example plant for which route direct finds a certificate, or those named. With ``--certificates`` the certificates
 are kept in that folder and used again for the same plant file, so that only the trajectories cost time; delete them
@@ -27,6 +27,7 @@ from reports.region_bounds import signal_bounds
 from sims.bounds import SignalBound
 from sims.cross_check import cross_check
 from sims.executors import processors
+from sims.falsifier import HORIZON
 from symbolic.derivation import derive
 from symbolic.plant import COST_VARIABLE, Plant
 from symbolic.plant_file import load_plant
@@ -61,7 +62,7 @@ def proved_bounds(plant: Plant, certificate: Json) -> tuple[SignalBound, ...]:
     return () if isinstance(found, str) else signal_bounds(found)
 
 
-def row(path: Path, count: int, folder: Path | None) -> tuple[str, bool]:
+def row(path: Path, count: int, horizon: float, folder: Path | None) -> tuple[str, bool]:
     """A line of the table, and whether the claim was broken."""
     plant = load_plant(path)
     certificate = certificate_of(plant, None if folder is None else folder / f"{path.stem}.json")
@@ -76,6 +77,7 @@ def row(path: Path, count: int, folder: Path | None) -> tuple[str, bool]:
         plant,
         controller,
         count=share,
+        horizon=horizon,
         budget_seconds=UNLIMITED,
         bounds=bounds,
         compiled=compiled,
@@ -95,6 +97,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help="example plants, without .toml")
     parser.add_argument("--count", type=int, default=10_000, help="trajectories per plant")
+    parser.add_argument("--horizon", type=float, default=HORIZON, help="seconds of each trajectory")
     parser.add_argument("--certificates", type=Path, help="folder in which certificates are kept")
     options = parser.parse_args()
     if options.certificates is not None:
@@ -103,7 +106,7 @@ def main() -> int:
     print("| plant | trajectories | checked against | worst margin | result |\n|---|---|---|---|---|")
     broken = False
     for path in paths:
-        line, failed = row(path, options.count, options.certificates)
+        line, failed = row(path, options.count, options.horizon, options.certificates)
         print(line, flush=True)
         broken |= failed
     return 1 if broken else 0
