@@ -19,9 +19,9 @@ from certify.gains.requested import requested_controller
 from certify.internal_trajectory import internal_model_data
 from certify.optimum import NoOptimumError, Optimum, optimum
 from certify.results import AgentResult, Status
-from symbolic.derivation import AgentDerivation, Derivation, derive
+from symbolic.derivation import AgentDerivation, Derivation, derive, derive_agent
 from symbolic.internal_model import InternalModel
-from symbolic.plant import COST_VARIABLE, Interval, Plant
+from symbolic.plant import COST_VARIABLE, Agent, Interval, Plant
 from symbolic.steady_state import SteadyState
 
 Report = Callable[[str], None]
@@ -38,6 +38,11 @@ class Prepared:
     coordinator: CoordinatorDesign
     models: tuple[AgentModel | str, ...]
     linear: dict[int, LinearVerdict]
+
+    def redesigned(self, index: int, agent: Agent) -> AgentModel | str:
+        """The model of agent ``index`` with the design (observer, ``γ``, ``M``, ``N``) that ``agent`` fixes."""
+        derived = derive_agent(agent, self.plant, self.derivation.s_star)
+        return _agent_model(self.plant, index, derived, self.optimum, self.disturbance, self.coordinator)
 
 
 @dataclass(frozen=True)
@@ -104,7 +109,7 @@ def _agent_model(
     if data is None:
         return "the internal model has irrational entries, and the exact steps of this route need rational ones"
     return AgentModel(
-        agent=plant.agents[index],
+        agent=derived.agent,
         exosystem=plant.exosystem,
         steady_state=steady.z_star,
         internal_model=data,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from math import comb
 
 from sympy import QQ
 from sympy.polys.matrices import DomainMatrix
@@ -14,6 +13,7 @@ from symbolic.hurwitz import hurwitz_test
 from symbolic.plant import Agent, InternalModelChoice
 
 Row = tuple[Fraction, ...]
+CRITICAL = Fraction(1)
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ def design_polynomials(agent: Agent) -> DesignPolynomials:
     n = agent.order
     if n == 1 and agent.observer is not None:
         raise InputError(f"agent {agent.id}: observer: an agent of order 1 measures its state and has none")
-    gamma = _binomial(n - 1) if agent.gamma is None else _checked(agent, "gamma", agent.gamma, n - 1)
+    gamma = damped_polynomial(n - 1, CRITICAL) if agent.gamma is None else _checked(agent, "gamma", agent.gamma, n - 1)
     if agent.observer is None:
-        observer = _binomial(n) if n > 1 else ()
+        observer = damped_polynomial(n, CRITICAL) if n > 1 else ()
     else:
         observer = _checked(agent, "observer", agent.observer, n)
     return DesignPolynomials(gamma, observer)
@@ -49,7 +49,7 @@ def internal_model_pair(agent: Agent, order: int) -> InternalModelChoice:
     """
     choice = agent.internal_model
     if choice is None:
-        return _companion(order)
+        return companion_pair(order)
     key = f"agent {agent.id}: internal_model"
     if order == 0:
         raise InputError(f"{key}: the steady-state input is identically zero, so there is no internal model")
@@ -63,6 +63,33 @@ def internal_model_pair(agent: Agent, order: int) -> InternalModelChoice:
     if not is_controllable(choice.M, choice.N):
         raise InputError(f"{key}.N: the pair (M, N) is not controllable")
     return choice
+
+
+def companion_pair(order: int, pole: Fraction = Fraction(1)) -> InternalModelChoice:
+    """``M`` in companion form with the poles ``−pole, −2 pole, … −order pole``, and ``N = (0, …, 0, 1)``."""
+    lower = [Fraction(1)]  # of Π (λ + k pole), constant coefficient first
+    for k in range(1, order + 1):
+        shifted = zip([*lower, Fraction(0)], [Fraction(0), *lower], strict=True)
+        lower = [k * pole * below + above for below, above in shifted]
+    rows = [tuple(Fraction(int(column == row + 1)) for column in range(order)) for row in range(order - 1)]
+    last = [tuple(-c for c in lower[:-1])] if order else []
+    return InternalModelChoice((*rows, *last), tuple(Fraction(int(k == order - 1)) for k in range(order)))
+
+
+def damped_polynomial(degree: int, damping: Fraction) -> Row:
+    """``(λ² + 2 damping λ + 1)^⌊degree/2⌋ (λ + 1)^(degree mod 2)``, which is binomial for damping 1.
+
+    From the constant coefficient up, without the leading 1.
+    """
+    coefficients = [Fraction(1), Fraction(1)] if degree % 2 else [Fraction(1)]
+    factor = (Fraction(1), 2 * damping, Fraction(1))
+    for _ in range(degree // 2):
+        product = [Fraction(0)] * (len(coefficients) + 2)
+        for k, c in enumerate(coefficients):
+            for j, f in enumerate(factor):
+                product[k + j] += c * f
+        coefficients = product
+    return tuple(coefficients[:-1])
 
 
 def characteristic_polynomial(matrix: tuple[Row, ...]) -> Row:
@@ -88,19 +115,6 @@ def _checked(agent: Agent, key: str, lower: Row, degree: int) -> Row:
     if test.verdict != "holds":
         raise InputError(f"agent {agent.id}: {key}: not Hurwitz, {test.reason}")
     return lower
-
-
-def _binomial(degree: int) -> Row:
-    return tuple(Fraction(comb(degree, k)) for k in range(degree))
-
-
-def _companion(order: int) -> InternalModelChoice:
-    lower = [Fraction(1)]  # of Π (λ + k), constant coefficient first
-    for k in range(1, order + 1):
-        lower = [k * below + above for below, above in zip([*lower, Fraction(0)], [Fraction(0), *lower], strict=True)]
-    rows = [tuple(Fraction(int(column == row + 1)) for column in range(order)) for row in range(order - 1)]
-    last = [tuple(-c for c in lower[:-1])] if order else []
-    return InternalModelChoice((*rows, *last), tuple(Fraction(int(k == order - 1)) for k in range(order)))
 
 
 def _exact(rows: tuple[Row, ...]) -> DomainMatrix:

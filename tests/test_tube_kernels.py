@@ -128,7 +128,7 @@ def _floats(trial: Trial, times: Array) -> Array:
 def test_the_nominal_matrix_is_the_closed_loop_linearised(name: str, number: int) -> None:
     """Exactly: the simulation's equations with nominal slopes have the Jacobian ``A`` and the column ``B``."""
     trial, model = passed(name, number), trials(name, number).model
-    law, agent, nominal = tube_controller(model, trial), model.agent, trial.nominal
+    law, agent, nominal = tube_controller(trial), model.agent, trial.nominal
     increment = sympy.Dummy("q")
 
     def slope(row: tuple[Fraction, ...], states: tuple[sympy.Symbol, ...]) -> sympy.Expr:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -15,13 +16,15 @@ from scipy.linalg import expm
 
 from certify.bounds.balls import compile_expression
 from certify.tube import float_intervals as intervals
+from certify.tube.designs import DAMPINGS, POLES
 from certify.tube.direct_ranges import move
 from certify.tube.loop import LoopGains
 from certify.tube.observer_error import ObserverDecay, ObserverError, observer_decay
 from certify.tube.ranges import FloatProgram, Range
 from certify.tube.search import NoChoice, search_gains
 from certify.tube.trial import AgentTrials, Trial, TrialFailure
-from symbolic.plant import RequestedGains
+from symbolic.design import companion_pair, damped_polynomial
+from symbolic.plant import Agent, RequestedGains
 from tests.tubes import Array, trials
 
 NEAR = 1e-12
@@ -242,18 +245,27 @@ class Rule:
     least_K: int
     ratio: int
     order: int = 2
+    agent: Agent = field(default_factory=lambda: trials("van_der_pol", 2).model.agent)
+    rate: float = 1.0
 
     def __post_init__(self) -> None:
         self.passed: list[Trial] = []
         self.model = self
+        self.internal_model = SimpleNamespace(order=1)
 
-    def attempt(self, gains: LoopGains, delta: Fraction | None = None) -> Trial | TrialFailure:
+    def attempt(
+        self, gains: LoopGains, delta: Fraction | None = None, like: Trial | None = None
+    ) -> Trial | TrialFailure:
         if gains.K * gains.g < self.least_K * 3 or (gains.h is not None and gains.h < self.ratio * gains.K):
             return TrialFailure(gains, "too small")
-        nothing = cast(Any, None)
+        tube, nothing = SimpleNamespace(peak=np.ones(2), tail_rate=self.rate), cast(Any, None)
         level = delta or 100 + 1000 / gains.K + gains.K / 10
-        self.passed.append(Trial(gains, level, nothing, nothing, nothing, nothing, nothing))
-        return self.passed[-1]
+        trial = Trial(cast(Any, self), gains, level, nothing, nothing, nothing, nothing, cast(Any, tube))
+        self.passed.append(trial)
+        return trial
+
+    def tightened(self, trial: Trial) -> Trial:
+        return trial
 
 
 @pytest.mark.parametrize("rule", [Rule(7, 20), Rule(40, 5), Rule(250, 390), Rule(3, 7, order=1)])
@@ -265,7 +277,7 @@ def test_the_choices_are_the_best_of_everything_that_passed(rule: Rule) -> None:
     assert len({id(trial) for trial in chosen}) == len(chosen) and len({choice.label for choice in found}) == len(found)
     assert all(any(trial is other for other in rule.passed) for trial in chosen)
     costs = {
-        "balanced": lambda gains, delta: gains.K * (gains.h or 1),
+        "balanced": lambda gains, delta: (gains.K * (gains.h or 1)) ** 3 * delta,
         "least K": lambda gains, delta: gains.K,
         "least h": lambda gains, delta: gains.h or 0,
         "least delta": lambda gains, delta: delta,
@@ -276,6 +288,39 @@ def test_the_choices_are_the_best_of_everything_that_passed(rule: Rule) -> None:
         assert min(cost(trial.gains, trial.delta) for trial in chosen) == least
         for choice in found:
             assert choice.label != label or cost(choice.trial.gains, choice.trial.delta) == least, label
+
+
+@pytest.mark.parametrize("slower", [False, True])
+def test_a_design_is_changed_where_smaller_gains_pass_with_it_at_no_lower_rate(slower: bool) -> None:
+    tried: list[Agent] = []
+
+    def redesigned(agent: Agent) -> AgentTrials:
+        tried.append(agent)
+        better = agent.observer == damped_polynomial(2, Fraction(3, 4))
+        rule = Rule(40, 10, agent=agent) if not better else Rule(8, 10, agent=agent, rate=0.9 if slower else 1.0)
+        return cast(AgentTrials, rule)
+
+    found = search_gains(cast(AgentTrials, Rule(40, 10)), RequestedGains(), redesigned=redesigned)
+    assert not isinstance(found, NoChoice)
+    assert len(tried) == len(set(tried)) == len(DAMPINGS) + len(POLES)
+    default = found[0].trial
+    assert default.model.agent.internal_model is None and default.model.agent.gamma is None
+    assert (default.model.agent.observer is None) == slower
+    assert (default.gains.K < 15) != slower
+
+
+def test_designs_are_left_alone_where_gains_or_the_design_are_given() -> None:
+    tried: list[Agent] = []
+
+    def redesigned(agent: Agent) -> None:
+        tried.append(agent)
+
+    for gains in (RequestedGains(K=Fraction(60)), RequestedGains(h=Fraction(6000))):
+        assert not isinstance(search_gains(cast(AgentTrials, Rule(10, 10)), gains, redesigned=redesigned), NoChoice)
+    rule = Rule(10, 10)
+    fixed = replace(rule.agent, observer=(Fraction(1), Fraction(2)), internal_model=companion_pair(1))
+    found = search_gains(cast(AgentTrials, replace(rule, agent=fixed)), RequestedGains(), redesigned=redesigned)
+    assert not isinstance(found, NoChoice) and tried == []
 
 
 def test_a_search_that_finds_nothing_says_why() -> None:

@@ -120,15 +120,17 @@ def test_requested_gains_that_are_too_small_are_inconclusive_with_the_block_that
 
 def test_a_saturation_level_below_what_the_tube_needs_is_named() -> None:
     gains, held = LoopGains(Fraction(3), Fraction(12), Fraction(360)), trials("pendulums", 3)
-    found = held.attempt(gains)
-    assert isinstance(found, Trial)
-    assert isinstance(held.attempt(gains, 2 * found.delta), Trial)
+    passes = held.attempt(gains)
+    assert isinstance(passes, Trial)
+    assert isinstance(held.attempt(gains, 2 * passes.delta), Trial)
+    found = held.tightened(passes)
+    assert passes.delta / 2 < found.delta <= passes.delta
     number = r"(\d+\.?\d*)"
-    nearly = held.attempt(gains, Fraction(3, 4) * found.delta)
-    assert isinstance(nearly, TrialFailure)
+    levels = [found.delta * (100 - percent) / 100 for percent in range(1, 10)]
+    failed = [result for level in levels if isinstance(result := held.attempt(gains, level), TrialFailure)]
+    nearly = failed[0]
     parts = re.fullmatch(rf"the saturation level {number} is reached: the tube needs {number}", nearly.reason)
     assert parts is not None, nearly.reason
-    assert float(parts[1]) == pytest.approx(0.75 * float(found.delta), rel=1e-3)
     assert float(parts[1]) < float(parts[2]) < found.delta
     short = held.attempt(gains, found.delta / 4)
     assert isinstance(short, TrialFailure)

@@ -102,7 +102,7 @@ def loop_of(name: str, number: int) -> Loop:
 def running(name: str, number: int) -> AgentLoop:
     """The closed loop of the agent under the gains above. The other agents have the same law: nothing depends on it."""
     ready, trial = prepared(name), passed(name, number)
-    law = tube_controller(trials(name, number).model, trial)
+    law = tube_controller(trial)
     laws = (law,) * len(ready.plant.agents)
     coordinator = ready.coordinator.model
     return agent_loop(ready.plant, Controller(coordinator.alpha1, coordinator.alpha2, laws), number)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 
-from certify.agent_model import AgentModel
 from certify.bounds.rationals import round_down, round_up
 from certify.certificate import Json, expression, number, numbers, rows
 from certify.tube.trial import Trial
@@ -16,8 +15,8 @@ KERNEL_BITS = 24
 VARTHETA_BITS = 32
 
 
-def tube_witness(model: AgentModel, trial: Trial) -> Json:
-    reached, tube = trial.reached, trial.tube
+def tube_witness(trial: Trial) -> Json:
+    model, reached, tube = trial.model, trial.reached, trial.tube
     return {
         "id": number(model.agent.id),
         "steady_state": [expression(component) for component in model.steady_state],
@@ -42,8 +41,8 @@ def tube_witness(model: AgentModel, trial: Trial) -> Json:
     }
 
 
-def tube_controller(model: AgentModel, trial: Trial) -> AgentController:
-    im = model.internal_model
+def tube_controller(trial: Trial) -> AgentController:
+    model, im = trial.model, trial.model.internal_model
     return AgentController(
         id=model.agent.id,
         gamma=model.gamma,

@@ -15,7 +15,7 @@ from certify.tube.certificate import BOX_BITS, tube_controller, tube_witness
 from certify.tube.search import Choice, NoChoice, nearest_gains, search_gains
 from certify.tube.trial import AgentTrials, Trial
 from symbolic.controller import AgentController
-from symbolic.plant import RequestedGains
+from symbolic.plant import Agent, RequestedGains
 
 
 def tube_agent(
@@ -27,12 +27,17 @@ def tube_agent(
     if isinstance(model, str):
         return AgentResult(derived.id, "inconclusive", model, linear=linear), None, None
     trials = AgentTrials(model, prepared.coordinator.envelope, index)
-    found = search_gains(trials, prepared.plant.gains, report)
+
+    def redesigned(agent: Agent) -> AgentTrials | None:
+        other = prepared.redesigned(index, agent)
+        return None if isinstance(other, str) else AgentTrials(other, prepared.coordinator.envelope, index)
+
+    found = search_gains(trials, prepared.plant.gains, report, redesigned)
     if isinstance(found, NoChoice):
         reason = found.reason + _nearest(trials, prepared.plant.gains, report)
         return AgentResult(derived.id, "inconclusive", reason, linear=linear), None, None
     default = found[0].trial
-    controller = tube_controller(model, default)
+    controller = tube_controller(default)
     peak = [round_up(Fraction(float(value)), BOX_BITS) for value in _peak(default)]
     names = [str(z) for z in model.agent.zero_states] + [str(x) for x in model.agent.chain] + ["vartheta", "input"]
     rate = round_down(Fraction(default.tube.tail_rate), BOX_BITS)
@@ -49,7 +54,7 @@ def tube_agent(
         bounds=dict(zip(names, peak, strict=False)),
         alternatives=tuple(_alternative(choice) for choice in found[1:]),
     )
-    return result, controller, tube_witness(model, default)
+    return result, controller, tube_witness(default)
 
 
 def _peak(trial: Trial) -> np.ndarray:

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import log
 
+from certify.tube.designs import STAGES
 from certify.tube.loop import LoopGains
 from certify.tube.trial import AgentTrials, Trial, TrialFailure
-from symbolic.plant import RequestedGains
+from symbolic.plant import Agent, RequestedGains
 
 FIRST_G = (Fraction(3), Fraction(2), Fraction(1))
 LARGER_G = (Fraction(4), Fraction(6), Fraction(8))
 RUNGS_ABOVE = 1
 STRIDE = 3
 MOST_TRIALS = 60
-NEARLY_LEAST = Fraction(5, 4)
+A_LITTLE = Fraction(5, 4)
+CLEARLY_LESS = 0.95
 _RUNGS = (
     "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700"
     " 1000 1500 2200 3300 5000"
@@ -26,6 +28,10 @@ HIGHER = tuple(Fraction(10) ** k for k in (4, 5))
 START = LADDER.index(Fraction(300))
 RATIOS = tuple(Fraction(k) for k in (5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 35, 40, 50, 60, 100, 200, 400, 1000))
 FIRST_RATIOS = tuple(Fraction(k) for k in (25, 100, 400))
+
+
+Report = Callable[[str], None]
+Redesigned = Callable[[Agent], AgentTrials | None]
 
 
 @dataclass(frozen=True)
@@ -46,23 +52,30 @@ class NoChoice:
 
 
 def search_gains(
-    trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None] = lambda message: None
+    trials: AgentTrials,
+    requested: RequestedGains,
+    report: Report = lambda message: None,
+    redesigned: Redesigned = lambda agent: None,
 ) -> tuple[Choice, ...] | NoChoice:
-    """Certifiable gains, the default first. Requested gains are kept; whatever is left free is searched."""
+    """Certifiable gains, the default first. Requested gains are kept; whatever is left free is searched, the designs
+    that ``redesigned`` can prepare included unless ``K`` or ``h`` is given."""
     finder = _Finder(trials, requested, report)
     first = finder.first()
     if isinstance(first, NoChoice):
         return first
-    least_K = finder.lower_K(first)
-    least_h = finder.lower_h(least_K)
+    finders, least_K = [finder], finder.lower_K(first)
+    if requested.K is None and requested.h is None:
+        finder, least_K = _redesign(finder, least_K, redesigned)
+        finders.append(finder)
+    finder.lower_h(least_K)
     finder.relax(min(finder.passed, key=_product))
-    balanced = _balanced(finder.passed)
-    least_delta = min(finder.passed, key=lambda trial: (trial.delta, trial.gains.K * (trial.gains.h or 1)))
+    finder.tighten(_least_delta(finder.passed))
+    passed = list({id(trial): trial for finder in finders for trial in finder.passed}.values())
     candidates = (
-        Choice("balanced", "the least saturation level among the least products K·h that passed", balanced),
-        Choice("least K", "the least feedback gain that passed", least_K),
-        Choice("least h", "the least observer gain that passed", least_h),
-        Choice("least delta", "the least saturation level, so the least peak of the input, that passed", least_delta),
+        Choice("balanced", "the least product K·h·∛δ that passed", _balanced(passed)),
+        Choice("least K", "the least feedback gain that passed", min(passed, key=_K_then_h)),
+        Choice("least h", "the least observer gain that passed", min(passed, key=_h_then_K)),
+        Choice("least delta", "the least saturation level, so the least peak of the input", _least_delta(passed)),
     )
     chosen: list[Choice] = []
     for candidate in candidates:
@@ -75,15 +88,25 @@ def _product(trial: Trial) -> Fraction:
     return trial.gains.K * (trial.gains.h or 1)
 
 
+def _K_then_h(trial: Trial) -> tuple[Fraction, Fraction]:
+    return trial.gains.K, trial.gains.h or Fraction(1)
+
+
+def _h_then_K(trial: Trial) -> tuple[Fraction, Fraction]:
+    return trial.gains.h or Fraction(1), trial.gains.K
+
+
+def _least_delta(passed: Sequence[Trial]) -> Trial:
+    return min(passed, key=lambda trial: (trial.delta, _product(trial)))
+
+
 def _balanced(passed: Sequence[Trial]) -> Trial:
-    """The least ``δ``, the peak of the input, among those whose product ``K·h`` is within a quarter of the least."""
-    least = min(map(_product, passed))
-    close = [trial for trial in passed if _product(trial) <= NEARLY_LEAST * least]
-    return min(close, key=lambda trial: (trial.delta, _product(trial)))
+    """The least ``K·h·∛δ``: a feedback that is a quarter larger has to spare half of the input's peak."""
+    return min(passed, key=lambda trial: _product(trial) ** 3 * trial.delta)
 
 
 def nearest_gains(
-    trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None] = lambda message: None
+    trials: AgentTrials, requested: RequestedGains, report: Report = lambda message: None
 ) -> Trial | None:
     """The gains that pass and are nearest, in ratios, to requested ones that do not; ``None`` if none pass."""
     finder = _Finder(trials, RequestedGains(), report)
@@ -105,10 +128,13 @@ def nearest_gains(
 
 
 class _Finder:
-    def __init__(self, trials: AgentTrials, requested: RequestedGains, report: Callable[[str], None]) -> None:
+    """The search within one design."""
+
+    def __init__(self, trials: AgentTrials, requested: RequestedGains, report: Report) -> None:
         self.trials, self.requested, self.report = trials, requested, report
         self.observed = trials.model.order > 1
         self.passed: list[Trial] = []
+        self.latest: dict[Fraction, Trial] = {}
         self.known: dict[LoopGains, Trial | TrialFailure] = {}
 
     def attempt(self, g: Fraction, K: Fraction, ratio: Fraction) -> Trial | None:
@@ -118,12 +144,22 @@ class _Finder:
         gains = LoopGains(wanted.g or g, K, h)
         if gains not in self.known:
             self.report(f"g = {gains.g}, K = {gains.K}" + ("" if h is None else f", h = {h}"))
-            result = self.trials.attempt(gains, wanted.delta)
+            result = self.trials.attempt(gains, wanted.delta, self.latest.get(gains.g))
             self.known[gains] = result
             if isinstance(result, Trial):
                 self.passed.append(result)
+                self.latest[gains.g] = result
         found = self.known[gains]
         return found if isinstance(found, Trial) else None
+
+    def adopt(self, trial: Trial) -> Trial | None:
+        """The gains and the saturation level of another design's trial."""
+        result = self.trials.attempt(trial.gains, trial.delta)
+        if not isinstance(result, Trial):
+            return None
+        self.known[trial.gains] = self.latest[trial.gains.g] = result
+        self.passed.append(result)
+        return result
 
     def first(self) -> Trial | NoChoice:
         """Some gains that pass: from moderate ones upwards in ``h/K`` and ``K``, then downwards; a saturation level
@@ -156,13 +192,26 @@ class _Finder:
                 below = middle
             else:
                 best, above = found, middle
-        for g in LARGER_G if self.observed and self.requested.g is None else ():
+        return self.step_down(best, LARGER_G if self.observed and self.requested.g is None else ())
+
+    def step_down(self, start: Trial, several: Sequence[Fraction]) -> Trial:
+        """Rung by rung at the ratio of ``start``, with one ``g`` after the other."""
+        best = start
+        for g in several:
             while _rung(best) > 0:
-                found = self.attempt(g, LADDER[_rung(best) - 1], ratio)
+                found = self.attempt(g, LADDER[_rung(best) - 1], self._ratio(start))
                 if found is None:
                     break
                 best = found
         return best
+
+    def tighten(self, trial: Trial) -> Trial:
+        """A smaller saturation level for gains that have passed."""
+        if self.requested.delta is not None:
+            return trial
+        tightened = self.trials.tightened(trial)
+        self.passed = [tightened if one is trial else one for one in self.passed]
+        return tightened
 
     def lower_h(self, start: Trial) -> Trial:
         """The least ratio ``h/K``, by bisection, at the least ``K`` and on the rungs above it."""
@@ -185,13 +234,37 @@ class _Finder:
 
     def relax(self, tight: Trial) -> None:
         """A little more ``h`` at the same ``K``: it often needs a far smaller saturation level."""
+        self.tighten(tight)
         if tight.gains.h is not None and self.requested.h is None:
             for ratio in RATIOS:
-                if self._ratio(tight) < ratio <= NEARLY_LEAST * self._ratio(tight):
-                    self.attempt(tight.gains.g, tight.gains.K, ratio)
+                if self._ratio(tight) < ratio <= A_LITTLE * self._ratio(tight):
+                    found = self.attempt(tight.gains.g, tight.gains.K, ratio)
+                    if found is not None:
+                        self.tighten(found)
 
     def _ratio(self, trial: Trial) -> Fraction:
         return Fraction(1) if trial.gains.h is None else trial.gains.h / trial.gains.K
+
+
+def _redesign(finder: _Finder, start: Trial, redesigned: Redesigned) -> tuple[_Finder, Trial]:
+    """The design that passes with the least ``K`` at the ratio of ``start``, or that leaves the saturation most of its
+    level; none that converges more slowly. One thing is changed after the other."""
+    best = start
+    for stage in STAGES:
+        for agent in stage(best.model.agent, best.model.internal_model.order):
+            trials = redesigned(agent)
+            if trials is None:
+                continue
+            finder.report(f"another design: {stage.__name__.replace('_', ' ')}")
+            other = _Finder(trials, finder.requested, finder.report)
+            found = other.adopt(best)
+            if found is None or found.tube.tail_rate < start.tube.tail_rate:
+                continue
+            lower = other.step_down(found, (best.gains.g,))
+            slow = lower.tube.tail_rate < start.tube.tail_rate
+            if (lower is not found and not slow) or found.needed < CLEARLY_LESS * best.needed:
+                finder, best = other, found if slow else lower
+    return finder, best if best is start else finder.step_down(best, tuple(g for g in LARGER_G if g > best.gains.g))
 
 
 def _log(value: Fraction) -> float:

@@ -28,6 +28,7 @@ NEARLY = 0.6
 FAR = 3.0
 LARGEST_GAIN = Fraction(10) ** 15
 DELTA_ROUNDS = 16
+TIGHTENINGS = 3
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
 
@@ -36,6 +37,7 @@ LARGEST_LEVEL = 20
 class Trial:
     """Everything a certificate needs about one agent, in floats except what the claim and the proof fix exactly."""
 
+    model: AgentModel
     gains: LoopGains
     delta: Fraction
     nominal: Nominal
@@ -43,6 +45,11 @@ class Trial:
     kernels: Kernels
     reached: Reached
     tube: Tube
+
+    @property
+    def needed(self) -> float:
+        """``K`` times the largest ``|ϑ̃|`` after the first phase, which ``δ`` must not be below."""
+        return float(self.gains.K) * float(self.tube.peak[-2])
 
 
 @dataclass(frozen=True)
@@ -53,8 +60,27 @@ class TrialFailure:
     reason: str
 
 
+@dataclass(frozen=True)
+class _Missed:
+    """Why a saturation level does not do, one that might, and the time that the tube reached if it began."""
+
+    reason: str
+    next_level: float
+    time: float | None = None
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """What does not depend on the saturation level; ``furthest`` is ``K`` times the largest ``|ϑ(0)|``."""
+
+    gains: LoopGains
+    modes: Modes
+    comparison: Comparison
+    furthest: float
+
+
 class AgentTrials:
-    """What does not depend on the gains is prepared once."""
+    """Trials of one agent's gains; what does not depend on the gains is prepared once."""
 
     def __init__(self, model: AgentModel, envelope: Envelope, index: int) -> None:
         self.model = model
@@ -62,16 +88,66 @@ class AgentTrials:
         self.increments = Increments(model)
         self.initial: InitialMagnitudes = initial_magnitudes(model, self.surroundings)
         self.nominal = _nominal(self.increments, self.surroundings)
-        self.levels: dict[Fraction, float] = {}
         self.observer: ObserverDecay | None = None
         if model.order > 1:
             self.observer = observer_decay(observer_matrix(model.observer))
 
-    def attempt(self, gains: LoopGains, delta: Fraction | None = None) -> Trial | TrialFailure:
-        """Try one set of gains; a ``delta`` that is left free is made as small as the tube allows."""
+    def attempt(
+        self, gains: LoopGains, delta: Fraction | None = None, like: Trial | None = None
+    ) -> Trial | TrialFailure:
+        """Try one set of gains. A ``delta`` that is left free is the least that does, to within a factor of two; the
+        search for it begins at the share of ``K |ϑ(0)|`` that did in the trial ``like``."""
         given = [gains.g, gains.K, *(extra for extra in (gains.h, delta) if extra is not None)]
         if max(given) > LARGEST_GAIN:
             return TrialFailure(gains, f"gains above {float(LARGEST_GAIN):.0e} are beyond the search's floats")
+        loop = self._loop(gains)
+        if isinstance(loop, TrialFailure):
+            return loop
+        if delta is not None:
+            result = self._at(loop, delta)
+            return TrialFailure(gains, result.reason) if isinstance(result, _Missed) else result
+        share = FIRST_LEVEL if like is None else max(FIRST_LEVEL, float(like.delta) / self._furthest(like.gains))
+        return self._least_level(loop, share)
+
+    def tightened(self, trial: Trial) -> Trial:
+        """The same gains with a saturation level that is less by up to a factor of two, if one does."""
+        loop = self._loop(trial.gains)
+        assert not isinstance(loop, TrialFailure)  # the trial has passed
+        high, low = float(trial.delta), float(trial.delta) / 2
+        for _ in range(TIGHTENINGS):
+            middle = _short_up(float(np.sqrt(low * high)))
+            result = self._at(loop, middle)
+            if isinstance(result, Trial):
+                trial, high = result, float(middle)
+            else:
+                low = float(middle)
+        return trial
+
+    def _least_level(self, loop: _Loop, share: float) -> Trial | TrialFailure:
+        """Upwards to a saturation level that does, or downwards by halves from one."""
+        level, latest, reason = share * loop.furthest, -1.0, ""
+        for _ in range(DELTA_ROUNDS):
+            result = self._at(loop, _short_up(level))
+            if isinstance(result, Trial):
+                return self._halved(loop, result) if not reason else result
+            level, reason = result.next_level, result.reason
+            if result.time is not None:
+                if result.time <= latest:
+                    break
+                latest = result.time
+            if level > LARGEST_LEVEL * loop.furthest:
+                break
+        return TrialFailure(loop.gains, reason)
+
+    def _halved(self, loop: _Loop, trial: Trial) -> Trial:
+        while trial.delta / 2 > FIRST_LEVEL * loop.furthest:
+            result = self._at(loop, trial.delta / 2)
+            if isinstance(result, _Missed):
+                break
+            trial = result
+        return trial
+
+    def _loop(self, gains: LoopGains) -> _Loop | TrialFailure:
         loop = nominal_loop(self.model, gains, self.nominal)
         found = modes(loop)
         if found is None:
@@ -80,37 +156,27 @@ class AgentTrials:
         comparison = Comparison(majorants, self.increments, self._feedback(gains))
         if not np.all(np.isfinite(majorants.coefficients)):
             return TrialFailure(gains, "the kernels of the nominal loop could not be bounded")
-        K, furthest = float(gains.K), float(gains.K) * float(self._theta(gains) @ self.initial.x)
-        level = self._first_level(gains, furthest) if delta is None else float(delta)
-        reason, latest = "", -1.0
-        for _ in range(DELTA_ROUNDS):
-            bound = _short_up(level) if delta is None else delta
-            reached = self._reach(comparison, gains, float(bound))
-            if isinstance(reached, Stuck):
-                reason, needed = reached.reason, max(level * DELTA_GROWTH, NEARLY * K * reached.vartheta)
-            else:
-                highest = FAR * float(bound) / K
-                result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, highest)
-                if isinstance(result, TubeFailure):
-                    reason, needed = f"at t = {result.time:.4g}: {result.reason}", level * DELTA_GROWTH
-                    if result.time <= latest:
-                        break
-                    latest = result.time
-                else:
-                    needed = K * float(result.peak[comparison.plant]) * (1 + 1e-9)
-                    if needed <= float(bound):
-                        self.levels[gains.g] = float(bound) / furthest
-                        return Trial(gains, bound, self.nominal, found, majorants, reached, result)
-                    reason = f"the saturation level {level:.4g} is reached: the tube needs {needed:.4g}"
-                    needed *= DELTA_MARGIN
-            level = needed
-            if delta is not None or level > LARGEST_LEVEL * furthest:
-                break
-        return TrialFailure(gains, reason)
+        return _Loop(gains, found, comparison, self._furthest(gains))
 
-    def _first_level(self, gains: LoopGains, furthest: float) -> float:
-        """Half of what passed with the same ``g`` before, in units of ``K`` times the largest ``|ϑ(0)|``."""
-        return furthest * max(FIRST_LEVEL, self.levels.get(gains.g, 0.0) / 2)
+    def _at(self, loop: _Loop, delta: Fraction) -> Trial | _Missed:
+        """Both phases with one saturation level."""
+        gains, comparison, level = loop.gains, loop.comparison, float(delta)
+        K = float(gains.K)
+        reached = self._reach(comparison, gains, level)
+        if isinstance(reached, Stuck):
+            return _Missed(reached.reason, max(level * DELTA_GROWTH, NEARLY * K * reached.vartheta))
+        result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, FAR * level / K)
+        if isinstance(result, TubeFailure):
+            return _Missed(f"at t = {result.time:.4g}: {result.reason}", level * DELTA_GROWTH, result.time)
+        trial = Trial(self.model, gains, delta, self.nominal, loop.modes, comparison.kernels, reached, result)
+        needed = trial.needed * (1 + 1e-9)
+        if needed <= level:
+            return trial
+        reason = f"the saturation level {level:.4g} is reached: the tube needs {needed:.4g}"
+        return _Missed(reason, needed * DELTA_MARGIN)
+
+    def _furthest(self, gains: LoopGains) -> float:
+        return float(gains.K) * float(self._theta(gains) @ self.initial.x)
 
     def _feedback(self, gains: LoopGains) -> Feedback:
         zeros = self.increments.zeros
@@ -164,9 +230,3 @@ def _short_up(value: float) -> Fraction:
     """A rational with 8 significant bits, not below ``value``."""
     mantissa, exponent = np.frexp(value)
     return Fraction(int(np.ceil(mantissa * 256))) * Fraction(2) ** (int(exponent) - 8)
-
-
-def _dyadic(value: float) -> float:
-    """A float with 12 significant bits."""
-    mantissa, exponent = np.frexp(value)
-    return float(np.ldexp(np.round(mantissa * 4096) / 4096, exponent))
