@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from reports import cells, tables
 from reports.certificate_view import CertifiedGains
+from reports.designs import chosen_designs
 from reports.numbers import fraction
 from reports.study import Study
 from reports.tube_view import Tube
@@ -40,7 +41,13 @@ def gains_section(study: Study, certified: CertifiedGains | None) -> dict[str, A
         "shared": [f"alpha_{k} = {number(value)}" for k, value in enumerate(alphas, start=1) if value is not None],
         "requested": any(value is not None for value in (requested.g, requested.K, requested.delta, requested.h)),
         "table": tables.gains_table(entries),
+        "designs": [cells.text(line, 2000) for line in _designs(study)],
     }
+
+
+def _designs(study: Study) -> list[str]:
+    certificate = study.verified_certificate
+    return [] if certificate is None else chosen_designs(study.plant, certificate["claim"])
 
 
 def stability_rows(gains: GainsResult) -> list[list[cells.Cell]]:

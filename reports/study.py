@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from fractions import Fraction
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from certify.certificate import claim_digest
 from symbolic.controller import Controller
@@ -44,7 +44,7 @@ class Study:
     optimum_enclosure: Interval | None = None
     derivation: Derivation | None = None
     gains: GainsResult | None = None
-    certificate: Mapping[str, object] | None = None
+    certificate: Mapping[str, Any] | None = None
     verification: Mapping[str, str] | None = None
     trajectory: Trajectory | None = None
     simulated: Controller | None = None
@@ -58,11 +58,19 @@ class Study:
     date: date | None = None
 
     @property
-    def found_certificate(self) -> Mapping[str, object] | None:
+    def found_certificate(self) -> Mapping[str, Any] | None:
         """The certificate that was read, else the one that was found."""
         if self.certificate is not None:
             return self.certificate
         return None if self.gains is None else self.gains.certificate
+
+    @property
+    def verified_certificate(self) -> Mapping[str, Any] | None:
+        """The certificate whose very claim the independent checker has confirmed."""
+        certificate, answer = self.found_certificate, self.verification
+        if certificate is None or answer is None or answer["status"] != "verified":
+            return None
+        return certificate if answer["claim_sha256"] == claim_digest(dict(certificate)) else None
 
 
 @dataclass(frozen=True)
@@ -91,17 +99,10 @@ def conclusion(study: Study) -> Conclusion:
         return Conclusion(
             "rejected", f"the checker rejects the certificate: {answer.get('reason') or 'no reason given'}", False
         )
-    certificate = study.found_certificate
-    verified = (
-        answer is not None
-        and answer["status"] == "verified"
-        and certificate is not None
-        and answer["claim_sha256"] == claim_digest(dict(certificate))
-    )
     if study.gains is not None and study.gains.status != "certified":
         return Conclusion(study.gains.status, study.gains.reason, False)
-    if certificate is not None:
-        return Conclusion("certified", "", verified)
+    if study.found_certificate is not None:
+        return Conclusion("certified", "", study.verified_certificate is not None)
     undecided = _first_finding(study, "unknown")
     return Conclusion("inconclusive", undecided or "no certificate was sought", False)
 

@@ -16,6 +16,7 @@ from reports.command_line.steps import Steps
 
 if TYPE_CHECKING:
     from certify.pipeline import GainsResult
+    from symbolic.plant import Plant
 
 
 def command(
@@ -39,14 +40,17 @@ def command(
         report(result.status)
     if result.certificate is not None:
         write_certificate(result.certificate, output)
-    finish(outcome(result), as_json)
+    finish(outcome(result, loaded), as_json)
 
 
-def outcome(result: GainsResult) -> Outcome:
+def outcome(result: GainsResult, plant: Plant) -> Outcome:
     """The summary as JSON, and the gains as a table."""
+    from reports.designs import chosen_designs
     from reports.details import search_details
 
-    lines = [*gains_table(result.summary["gains"]), *_others(result), f"{result.status}: {result.reason}"]
+    designs = [] if result.certificate is None else chosen_designs(plant, result.certificate["claim"])
+    table = gains_table(result.summary["gains"])
+    lines = [*table, *designs, *_others(result), f"{result.status}: {result.reason}"]
     fields = {**result.summary, "reason": result.reason, "details": {"agents": search_details(result)}}
     return Outcome(result.status, fields, "\n".join(lines))
 

@@ -85,6 +85,7 @@ def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps, s
 def outcome(study: Study) -> Outcome:
     """The conclusion of the report's first page, with the gains and the claim it is about."""
     from reports.cross_checked import search_fields
+    from reports.designs import chosen_designs
     from reports.details import details
     from reports.study import conclusion
 
@@ -98,5 +99,8 @@ def outcome(study: Study) -> Outcome:
         "details": details(study),
     }
     lines = gains_table(study.gains.summary["gains"] if study.gains else None)
+    certificate = study.verified_certificate
+    if certificate is not None:
+        lines += chosen_designs(study.plant, certificate["claim"])
     said = found.reason or ("every obligation was proved, and the checker agrees" if found.verified else "not verified")
     return Outcome(found.status, fields, "\n".join([*lines, f"{found.status}: {said}"]))

@@ -20,10 +20,12 @@ from reports.command_line.derive import derived
 from reports.command_line.simulate import HORIZON, obstacle, sentence
 from reports.command_line.steps import Steps
 from reports.command_line.verify import verified
+from reports.designs import designed_plant
 from reports.study import Study, conclusion, source_date
 from sims.closed_loop import simulate
 from sims.signals import Array
 from symbolic.controller import Controller
+from symbolic.derivation import derive
 from symbolic.plant import Plant
 
 
@@ -48,7 +50,8 @@ def with_derivation(study: Study, plant: Path, steps: Steps) -> Study:
         found = optimum(study.plant)
     except NoOptimumError:
         return replace(study, derivation=derivation)
-    return replace(study, optimum=found.exact, optimum_enclosure=found.enclosure, derivation=derivation)
+    study = replace(study, optimum=found.exact, optimum_enclosure=found.enclosure, derivation=derivation)
+    return _with_designs(study)
 
 
 def with_gains(study: Study, route: str, steps: Steps) -> Study:
@@ -64,7 +67,16 @@ def with_certificate(study: Study, certificate: Json, plant: Path, file: Path, s
     with steps.step("verify") as report:
         answer = verified(plant, file)
         report(answer["status"] if answer["status"] == "verified" else f"{answer['status']}: {answer['reason']}")
-    return replace(study, certificate=certificate, verification=answer)
+    return _with_designs(replace(study, certificate=certificate, verification=answer))
+
+
+def _with_designs(study: Study) -> Study:
+    """The derivation for the observers, ``γ`` and internal models that a verified certificate has chosen."""
+    certificate = study.verified_certificate
+    if study.derivation is None or certificate is None:
+        return study
+    plant = designed_plant(study.plant, certificate["claim"])
+    return replace(study, derivation=derive(plant, study.derivation.s_star))
 
 
 def with_simulation(study: Study, steps: Steps) -> Study:

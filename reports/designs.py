@@ -1,0 +1,57 @@
+"""The part of a certified controller that the plant file may leave open: observer, ``γ``, internal model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from reports import cells
+from reports.exact_numbers import exact_matrix, exact_row
+from symbolic.design import companion_pair, design_polynomials
+from symbolic.plant import Agent, InternalModelChoice, Plant
+
+Claim = Mapping[str, Any]
+
+
+def designed_plant(plant: Plant, claim: Claim) -> Plant:
+    """The plant with the designs of a claim that the checker has accepted for it."""
+    theirs = zip(plant.agents, claim["agents"], strict=True)
+    return replace(plant, agents=tuple(_designed(agent, entry) for agent, entry in theirs))
+
+
+def chosen_designs(plant: Plant, claim: Claim) -> list[str]:
+    """What was chosen and is no default, as lines for a plant file, agents with the same lines together."""
+    found: dict[str, list[int]] = {}
+    for agent, entry in zip(plant.agents, claim["agents"], strict=True):
+        for line in _lines(agent, _designed(agent, entry)):
+            found.setdefault(line, []).append(agent.id)
+    return [f"{cells.agents_named(ids).lower()}: {line}" for line, ids in found.items()]
+
+
+def _designed(agent: Agent, entry: Claim) -> Agent:
+    M = exact_matrix(entry["M"])
+    return replace(
+        agent,
+        gamma=exact_row(entry["gamma"]) if agent.order > 1 else agent.gamma,
+        observer=exact_row(entry["observer"]) if agent.order > 1 else agent.observer,
+        internal_model=InternalModelChoice(M, exact_row(entry["N"])) if M else agent.internal_model,
+    )
+
+
+def _lines(agent: Agent, designed: Agent) -> list[str]:
+    default, chosen, model = design_polynomials(agent), design_polynomials(designed), designed.internal_model
+    lines = []
+    if chosen.observer != default.observer:
+        lines.append(f"observer = {_array(chosen.observer)}")
+    if chosen.gamma != default.gamma:
+        lines.append(f"gamma = {_array(chosen.gamma)}")
+    if model is not None and model != (agent.internal_model or companion_pair(len(model.N))):
+        rows = ", ".join(map(_array, model.M))
+        lines.append(f"internal_model = {{ M = [{rows}], N = {_array(model.N)} }}")
+    return lines
+
+
+def _array(row: tuple[Fraction, ...]) -> str:
+    return "[" + ", ".join(str(value) if value.denominator == 1 else f'"{value}"' for value in row) + "]"
