@@ -10,20 +10,18 @@ from certify.certificate import Json
 from certify.coordinator.design import CoordinatorDesign
 from certify.coordinator.envelope import Envelope
 from certify.gains.linear_stability import LinearVerdict
+from symbolic.controller import AgentController
 
 Status = Literal["certified", "refuted", "inconclusive"]
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Other gains that were found for the same agent, with the reason for which they are named."""
+    """Another controller that was found for the same agent, with the reason for which it is named."""
 
     label: str
     reason: str
-    g: Fraction
-    K: Fraction
-    delta: Fraction
-    h: Fraction | None
+    controller: AgentController
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 from reports import cells
-from reports.exact_numbers import exact_matrix, exact_row
+from reports.exact_numbers import Matrix, Row, exact_matrix, exact_row
+from symbolic.controller import AgentController
 from symbolic.design import companion_pair, design_polynomials
 from symbolic.plant import Agent, InternalModelChoice, Plant
 
@@ -18,25 +18,33 @@ Claim = Mapping[str, Any]
 def designed_plant(plant: Plant, claim: Claim) -> Plant:
     """The plant with the designs of a claim that the checker has accepted for it."""
     theirs = zip(plant.agents, claim["agents"], strict=True)
-    return replace(plant, agents=tuple(_designed(agent, entry) for agent, entry in theirs))
+    return replace(plant, agents=tuple(_designed(agent, *_design(entry)) for agent, entry in theirs))
 
 
 def chosen_designs(plant: Plant, claim: Claim) -> list[str]:
     """What was chosen and is no default, as lines for a plant file, agents with the same lines together."""
     found: dict[str, list[int]] = {}
     for agent, entry in zip(plant.agents, claim["agents"], strict=True):
-        for line in _lines(agent, _designed(agent, entry)):
+        for line in _lines(agent, _designed(agent, *_design(entry))):
             found.setdefault(line, []).append(agent.id)
     return [f"{cells.agents_named(ids).lower()}: {line}" for line, ids in found.items()]
 
 
-def _designed(agent: Agent, entry: Claim) -> Agent:
-    M = exact_matrix(entry["M"])
+def design_lines(agent: Agent, law: AgentController) -> list[str]:
+    """The same for one controller of an agent."""
+    return _lines(agent, _designed(agent, law.gamma, law.observer, law.M, law.N))
+
+
+def _design(entry: Claim) -> tuple[Row, Row, Matrix, Row]:
+    return exact_row(entry["gamma"]), exact_row(entry["observer"]), exact_matrix(entry["M"]), exact_row(entry["N"])
+
+
+def _designed(agent: Agent, gamma: Row, observer: Row, M: Matrix, N: Row) -> Agent:
     return replace(
         agent,
-        gamma=exact_row(entry["gamma"]) if agent.order > 1 else agent.gamma,
-        observer=exact_row(entry["observer"]) if agent.order > 1 else agent.observer,
-        internal_model=InternalModelChoice(M, exact_row(entry["N"])) if M else agent.internal_model,
+        gamma=gamma if agent.order > 1 else agent.gamma,
+        observer=observer if agent.order > 1 else agent.observer,
+        internal_model=InternalModelChoice(M, N) if M else agent.internal_model,
     )
 
 
@@ -53,5 +61,5 @@ def _lines(agent: Agent, designed: Agent) -> list[str]:
     return lines
 
 
-def _array(row: tuple[Fraction, ...]) -> str:
+def _array(row: Row) -> str:
     return "[" + ", ".join(str(value) if value.denominator == 1 else f'"{value}"' for value in row) + "]"

@@ -49,7 +49,9 @@ def _choices(agent: AgentResult) -> Json:
             {
                 "label": other.label,
                 "reason": other.reason,
-                **{name: _text(getattr(other, name)) for name in ("g", "K", "delta", "h")},
+                **{name: _text(getattr(other.controller, name)) for name in ("g", "K", "delta", "h")},
+                **{name: list(map(str, getattr(other.controller, name))) for name in ("gamma", "observer", "N")},
+                "M": [list(map(str, row)) for row in other.controller.M],
             }
             for other in agent.alternatives
         ],

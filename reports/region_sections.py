@@ -12,12 +12,13 @@ from matplotlib.figure import Figure
 from reports import cells
 from reports.bandwidth import observer_bandwidth
 from reports.certificate_view import AgentClaim, CertifiedGains
+from reports.designs import design_lines
 from reports.figures import svg
 from reports.numbers import Rounding, rounded
 from reports.region import AgentRegion, Region
 from reports.region_figure import DRAWN_UP_TO, settling_figure
 from reports.typst_math import number, number_text, symbol_text
-from symbolic.plant import Interval
+from symbolic.plant import Interval, Plant
 
 if TYPE_CHECKING:
     from certify.pipeline import GainsResult
@@ -32,7 +33,7 @@ Rows = list[list[cells.Cell]]
 
 
 def region_section(
-    found: Region, certified: CertifiedGains, gains: GainsResult | None, runs: Sequence[Trajectory]
+    found: Region, certified: CertifiedGains, plant: Plant, gains: GainsResult | None, runs: Sequence[Trajectory]
 ) -> dict[str, Any]:
     """The data of ``region.typ``; ``runs`` are trajectories with the certified gains.
 
@@ -53,7 +54,7 @@ def region_section(
         **_picture(settling_figure(found, completed, horizon)),
         "drawn": None if len(found.agents) <= DRAWN_UP_TO else f"The first {DRAWN_UP_TO} agents.",
         "left_out": None if left_out == 0 else cells.text(f"{left_out} further agents are in summary.json."),
-        "alternatives": alternatives(gains),
+        "alternatives": alternatives(gains, plant),
     }
 
 
@@ -158,12 +159,12 @@ def estimate(value: float) -> cells.Cell:
     return cells.math(_number(Fraction(value), "nearest")) if np.isfinite(value) else cells.text("–")
 
 
-def alternatives(gains: GainsResult | None) -> Rows:
-    """All gains that the search kept, the default first with its reason; empty where only the default is known."""
+def alternatives(gains: GainsResult | None, plant: Plant) -> Rows:
+    """All controllers that the search kept, the default first; empty where only the default is known."""
     if gains is None or not any(agent.alternatives for agent in gains.agents):
         return []
     rows = []
-    for agent in gains.agents:
+    for agent, described in zip(gains.agents, plant.agents, strict=True):
         if not agent.thresholds:
             continue
         default = [agent.thresholds.get(name) for name in ("g", "K", "delta", "h")]
@@ -171,6 +172,8 @@ def alternatives(gains: GainsResult | None) -> Rows:
             [cells.text(agent.id), cells.text("default"), *map(cells.number, default), cells.text(agent.reason)]
         )
         for other in agent.alternatives:
-            values = (other.g, other.K, other.delta, other.h)
-            rows.append([cells.text(""), cells.text(other.label), *map(cells.number, values), cells.text(other.reason)])
+            law = other.controller
+            reason = "; ".join((other.reason, *design_lines(described, law)))
+            values = map(cells.number, (law.g, law.K, law.delta, law.h))
+            rows.append([cells.text(""), cells.text(other.label), *values, cells.text(reason)])
     return rows

@@ -87,7 +87,7 @@ def _region(study: Study, certified: CertifiedGains | None, ended: Conclusion) -
     runs: tuple[Trajectory, ...] = ()
     if study.trajectory is not None and study.simulated is not None and certified.same_as(study.simulated):
         runs = (study.trajectory, *study.runs)
-    return region_section(study.region, certified, study.gains, runs)
+    return region_section(study.region, certified, study.plant, study.gains, runs)
 
 
 def _search(found: CrossCheck, study: Study) -> dict[str, Any]:

@@ -304,15 +304,26 @@ def test_bounds_are_not_compared_with_runs_of_other_gains(certified: Certified, 
 
 
 def test_other_gains_that_passed_are_named_with_their_reason(certified: Certified) -> None:
-    other = Alternative("least K", "the least feedback gain that passed", *map(Fraction, (1, 50, 700, 9000)))
+    g, K, delta, h = map(Fraction, (1, 50, 700, 9000))
+    law = replace(certified.controller.agents[1], g=g, K=K, delta=delta, h=h, observer=(Fraction(1), Fraction(3, 2)))
+    other = Alternative("least K", "the least feedback gain that passed", law)
     agents = (certified.gains.agents[0], replace(certified.gains.agents[1], alternatives=(other,)))
     study = replace(certified.study, gains=replace(certified.gains, agents=agents))
     rows = document_data(study)["region"]["alternatives"]
     assert [row[1]["text"] for row in rows] == ["default", "default", "least K"]
-    found = details(study)["agents"][1]["alternatives"]
-    assert found == [
-        {"label": "least K", "reason": other.reason, "g": "1", "K": "50", "delta": "700", "h": "9000"}
-    ]  # fmt: skip
+    shown = rows[2][6]["text"].replace("\u200b", "")
+    assert shown.startswith(other.reason) and 'observer = [1, "3/2"]' in shown
+    (found,) = details(study)["agents"][1]["alternatives"]
+    assert {key: found[key] for key in ("label", "reason", "g", "K", "delta", "h", "observer")} == {
+        "label": "least K",
+        "reason": other.reason,
+        "g": "1",
+        "K": "50",
+        "delta": "700",
+        "h": "9000",
+        "observer": ["1", "3/2"],
+    }
+    assert [list(map(Fraction, row)) for row in found["M"]] == [list(row) for row in law.M]
 
 
 def test_details_are_json_with_exact_numbers_as_text(certified: Certified) -> None:

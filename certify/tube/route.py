@@ -12,7 +12,7 @@ from certify.certificate import Json
 from certify.preparation import Prepared
 from certify.results import AgentResult, Alternative
 from certify.tube.certificate import BOX_BITS, tube_controller, tube_witness
-from certify.tube.search import Choice, NoChoice, nearest_gains, search_gains
+from certify.tube.search import NoChoice, nearest_gains, search_gains
 from certify.tube.trial import AgentTrials, Trial
 from symbolic.controller import AgentController
 from symbolic.plant import Agent, RequestedGains
@@ -52,7 +52,9 @@ def tube_agent(
         thresholds={**thresholds, "level": peak[len(names) - 2]},
         linear=linear,
         bounds=dict(zip(names, peak, strict=False)),
-        alternatives=tuple(_alternative(choice) for choice in found[1:]),
+        alternatives=tuple(
+            Alternative(choice.label, choice.reason, tube_controller(choice.trial)) for choice in found[1:]
+        ),
     )
     return result, controller, tube_witness(default)
 
@@ -75,8 +77,3 @@ def _nearest(trials: AgentTrials, requested: RequestedGains, report: Callable[[s
         return "; no other gains were found that pass"
     h = "" if near.gains.h is None else f", h = {near.gains.h}"
     return f"; the nearest gains that pass: g = {near.gains.g}, K = {near.gains.K}, delta = {near.delta}{h}"
-
-
-def _alternative(choice: Choice) -> Alternative:
-    trial = choice.trial
-    return Alternative(choice.label, choice.reason, trial.gains.g, trial.gains.K, trial.delta, trial.gains.h)

@@ -50,21 +50,24 @@ def outcome(result: GainsResult, plant: Plant) -> Outcome:
 
     designs = [] if result.certificate is None else chosen_designs(plant, result.certificate["claim"])
     table = gains_table(result.summary["gains"])
-    lines = [*table, *designs, *_others(result), f"{result.status}: {result.reason}"]
+    lines = [*table, *designs, *_others(result, plant), f"{result.status}: {result.reason}"]
     fields = {**result.summary, "reason": result.reason, "details": {"agents": search_details(result)}}
     return Outcome(result.status, fields, "\n".join(lines))
 
 
-def _others(result: GainsResult) -> list[str]:
+def _others(result: GainsResult, plant: Plant) -> list[str]:
     """One line per other choice that passed."""
+    from reports.designs import design_lines
     from reports.numbers import with_log10
 
     lines = []
-    for agent in result.agents:
+    for agent, described in zip(result.agents, plant.agents, strict=False):
         for other in agent.alternatives:
-            named = {"g": other.g, "K": other.K, "delta": other.delta, "h": other.h}
-            values = ", ".join(f"{key} = {with_log10(value)}" for key, value in named.items() if value is not None)
-            lines.append(f"agent {agent.id}, {other.label}: {values} ({other.reason})")
+            law = other.controller
+            named = {"g": law.g, "K": law.K, "delta": law.delta, "h": law.h}
+            values = [f"{key} = {with_log10(value)}" for key, value in named.items() if value is not None]
+            values += design_lines(described, law)
+            lines.append(f"agent {agent.id}, {other.label}: {', '.join(values)} ({other.reason})")
     return lines
 
 
