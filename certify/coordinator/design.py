@@ -15,7 +15,7 @@ from symbolic.network import laplacian, left_null_vector
 from symbolic.plant import Interval, Plant
 
 CANDIDATES = tuple((Fraction(a), Fraction(b)) for a, b in ((1, 1), (2, 1), (3, 2), (5, 5)))
-LIFETIMES = 10
+LIFETIMES = 14
 FINE, COARSE = Fraction(1, 3), Fraction(13, 4)  # largest step times fastest rate; COARSE is for means, not for peaks
 LARGEST_GRID = 4096
 COARSE_GRID = 256
