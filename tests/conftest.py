@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from certify.checker.verdict import start_meter
 from symbolic.plant import Plant
 from symbolic.plant_file import load_plant
 
@@ -16,6 +17,12 @@ EXAMPLES = Path(__file__).parent.parent / "examples"
 settings.register_profile("repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("explore", deadline=None, max_examples=2_000, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+
+@pytest.fixture(autouse=True)
+def fresh_meter() -> None:
+    """The checker counts its work per process; no test pays for those before it."""
+    start_meter()
 
 
 @pytest.fixture(scope="session")

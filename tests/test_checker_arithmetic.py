@@ -30,11 +30,6 @@ pairs = st.tuples(rationals, rationals).map(sorted)
 moderate = st.fractions(-50, 50, max_denominator=10**6)
 
 
-@pytest.fixture(autouse=True)
-def fresh_meter() -> None:
-    start_meter()
-
-
 def holds(x: Interval, value: Fraction) -> bool:
     return x.lo <= value <= x.hi
 

@@ -31,12 +31,7 @@ from certify.checker.rules.reference import Reference, Step
 from certify.checker.rules.surroundings import Exosystem, Outside, Surroundings
 from certify.checker.rules.zero_ranges import ZeroRanges
 from certify.checker.slopes import Path
-from certify.checker.verdict import Rejected, Undecided, start_meter
-
-
-@pytest.fixture(autouse=True)
-def _fresh_meter() -> None:
-    start_meter()
+from certify.checker.verdict import Rejected, Undecided
 
 
 @cache
