@@ -6,11 +6,9 @@ a value that ``z`` reaches only later.
 
 from __future__ import annotations
 
-from math import isfinite
+from math import ceil, floor, isfinite
 
-import numpy as np
-
-from certify.tube.increments import Increments, Ranges
+from certify.tube.increments import Bounds, Increments, Ranges
 from certify.tube.ranges import Range, hull, magnitude, widen
 from certify.tube.surroundings import Moment
 
@@ -21,7 +19,7 @@ WIDEST = 1e6
 
 
 def move(
-    increments: Increments, known: Ranges, box: np.ndarray, moment: Moment, length: float
+    increments: Increments, known: Ranges, box: Bounds, moment: Moment, length: float
 ) -> tuple[Ranges, Ranges] | None:
     """Ranges at the end of a step and during it; ``None`` when none are found or they no longer say anything.
 
@@ -33,13 +31,11 @@ def move(
     around = increments.zero_ranges(box[:zeros], moment)
     ends = list(known)
     for _ in range(ROUNDS):
-        during = tuple(hull(a, b) for a, b in zip(known, ends, strict=True))
-        wanted = []
-        for k in range(zeros):
-            faces = ((known[k][0], ends[k][0]), (known[k][1], ends[k][1]))
-            low, high = (_speed(increments, k, face, during, around, output, moment) for face in faces)
-            wanted.append((low[0], high[1]))
-        if not all(isfinite(side) for pair in wanted for side in pair) or max(map(magnitude, ends)) > WIDEST:
+        during = tuple([hull(a, b) for a, b in zip(known, ends, strict=True)])
+        wanted = _speeds(
+            increments, known, ends, [_common(a, b) for a, b in zip(during, around, strict=True)], output, moment
+        )
+        if not all(isfinite(low) and isfinite(high) for low, high in wanted) or max(map(magnitude, ends)) > WIDEST:
             return None
         if all(
             end[0] <= start[0] + length * low and end[1] >= start[1] + length * high
@@ -51,18 +47,33 @@ def move(
     return None
 
 
-def _speed(
-    increments: Increments, k: int, face: Range, during: Ranges, around: list[Range], output: Range, moment: Moment
-) -> Range:
-    zs = [(max(a[0], b[0]), min(a[1], b[1])) for a, b in zip(during, around, strict=True)]
-    zs[k] = (min(face), max(face))
-    return increments.zero_speed(k, zs, output, moment)
+def _speeds(
+    increments: Increments, known: Ranges, ends: list[Range], zs: list[Range], output: Range, moment: Moment
+) -> list[Range]:
+    """How fast the lower end of every range has to fall and the upper one to rise."""
+    wanted = []
+    for k, (start, end) in enumerate(zip(known, ends, strict=True)):
+        beside = zs[k]
+        zs[k] = _ordered(start[0], end[0])
+        low = increments.zero_speed(k, zs, output, moment)[0]
+        zs[k] = _ordered(start[1], end[1])
+        wanted.append((low, increments.zero_speed(k, zs, output, moment)[1]))
+        zs[k] = beside
+    return wanted
+
+
+def _ordered(a: float, b: float) -> Range:
+    return (a, b) if a <= b else (b, a)
+
+
+def _common(a: Range, b: Range) -> Range:
+    return max(a[0], b[0]), min(a[1], b[1])
 
 
 def _beyond(start: Range, low: float, high: float, length: float) -> Range:
     """A little outside of where the ends get to, on a grid of short numbers."""
     extra = length * SHARE * (1 + max(abs(low), abs(high)))
     return (
-        float(np.floor((start[0] + length * low - extra) / GRAIN) * GRAIN),
-        float(np.ceil((start[1] + length * high + extra) / GRAIN) * GRAIN),
+        floor((start[0] + length * low - extra) / GRAIN) * GRAIN,
+        ceil((start[1] + length * high + extra) / GRAIN) * GRAIN,
     )
