@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, isfinite, log2
@@ -14,7 +14,7 @@ from certify.agent_model import AgentModel
 from certify.tube.direct_ranges import move
 from certify.tube.increments import Increments, Ranges, Slopes
 from certify.tube.observer_error import ObserverError
-from certify.tube.ranges import magnitude
+from certify.tube.ranges import Range, magnitude
 from certify.tube.surroundings import Moment, Surroundings, steady_trajectory_range
 
 INFLATION = 1.05
@@ -215,17 +215,17 @@ class Reaching:
         moved = move(self.increments, now.known, (*box.z, *box.x), moment, length) if now.known else None
         known, during = moved or ((), ())
         slopes = self.increments.slopes(box.z, box.x, moment, during)
+        sizes, last = [magnitude(side) for side in slopes.f1], slopes.f1[-1]
         internal = self.b[1] * _dot(self.psi, box.zeta)
-        still = [0.0] * (self.order - 1)
-        last = [*still, self.psi_N]  # Ψη̄ = Ψζ + ΨN x̄_n/b
-        rise = self._slope_bound(slopes, box, moment, 1.0, last) + internal
-        shifted = [a + b for a, b in zip([0.0, *theta[:-1]], last, strict=True)]
-        against = self._slope_bound(slopes, box, moment, 1.0, shifted) + internal + theta[0] * moment.rate
+        still = sizes[self.increments.zeros] * moment.deviation
+        others = still + _dot(sizes, (*box.z, *box.x[:-1]))  # of |Δf|, all but what x̄_n adds
+        rise = others + _shifted(last, 1.0, self.psi_N) * box.x[-1] + internal  # Ψη̄ = Ψζ + ΨN x̄_n/b
+        against = still + _dot(sizes, box.z) + self._along_vartheta(slopes, box) + internal + theta[0] * moment.rate
         speed, missed, u = self._error(now, box, rise)
         vartheta = self._fall(state.vartheta, against * MARGIN, missed, length)
 
         zeta_rate = [
-            _dot(row, box.zeta) + self._slope_bound(slopes, box, moment, -N, [*still, MN]) / self.b[0]
+            _dot(row, box.zeta) + (abs(N) * others + _shifted(last, -N, MN) * box.x[-1]) / self.b[0]
             for row, N, MN in zip(self.M, self.N, self.MN, strict=True)
         ]
         if self.order == 1:
@@ -250,16 +250,12 @@ class Reaching:
         rates[0] += moment.rate
         return rates
 
-    def _slope_bound(
-        self, slopes: Slopes, box: Magnitudes, moment: Moment, scale: float, shift: Sequence[float]
-    ) -> float:
-        """A bound of ``|scale·Δf + shift·x̄|``."""
-        zeros, size = self.increments.zeros, abs(scale)
-        bound = magnitude(slopes.f1[zeros]) * moment.deviation + _dot(map(magnitude, slopes.f1), box.z)
-        along = 0.0
-        for (low, high), extra, most in zip(slopes.f1[zeros:], shift, box.x, strict=True):
-            along += max(abs(scale * low + extra), abs(scale * high + extra)) * most
-        return size * bound + along
+    def _along_vartheta(self, slopes: Slopes, box: Magnitudes) -> float:
+        """A bound of what ``x̄`` adds to ``|ϑ' − bū|``."""
+        shifts = [0.0, *self.theta[:-1]]
+        shifts[-1] += self.psi_N
+        sides = zip(slopes.f1[self.increments.zeros :], shifts, box.x, strict=True)
+        return sum([_shifted(side, 1.0, shift) * most for side, shift, most in sides])
 
     def _error(self, now: Instant, box: Magnitudes, drift: float) -> tuple[float, float, float]:
         """The largest ``|ẋ_n|`` so far, ``ε ≥ |E2 e|`` and ``|ū|`` during a step; ``drift`` bounds ``|ẋ_n − bū|``."""
@@ -290,6 +286,11 @@ class Reaching:
 def _dot(first: Iterable[float], second: Iterable[float]) -> float:
     """Over as many as both have."""
     return sum(map(mul, first, second), 0.0)
+
+
+def _shifted(side: Range, scale: float, shift: float) -> float:
+    """``|scale·D + shift|`` over the range of ``D``."""
+    return max(abs(scale * side[0] + shift), abs(scale * side[1] + shift))
 
 
 def _along(start: Iterable[float], length: float, rates: Iterable[float]) -> list[float]:
