@@ -17,6 +17,7 @@ from symbolic.plant import COST_VARIABLE
 REST: Range = (0.0, 0.0)
 Ranges = tuple[Range, ...]
 Bounds = Sequence[float] | np.ndarray
+Rows = Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True)
@@ -75,25 +76,21 @@ class Increments:
         around = [widen(steady, bound) for steady, bound in zip(moment.steady, z, strict=True)]
         return [meet(side, other) for side, other in zip(around, known, strict=True)] if known else around
 
-    def zero_speed(self, k: int, zs: Sequence[Range], output: Range, moment: Moment) -> Range:
-        """The range of ``z_k'`` over ranges of ``z`` and ``x_1``."""
-        return self._speeds[k]([*zs, output, *moment.v])
+    def zero_speed(self, k: int, zs: Sequence[Range], others: Sequence[Range]) -> Range:
+        """The range of ``z_k'`` over ranges of ``z``, and of ``x_1`` and ``v``."""
+        return self._speeds[k]([*zs, *others])
 
 
 def _replayed(tapes: list[tuple[Tape, Range | None]], inputs: list[Range]) -> Ranges:
     return tuple([fixed or tape(inputs) for tape, fixed in tapes])
 
 
-def residuals(slopes: Slopes, f0: np.ndarray, f1: np.ndarray, zeros: int) -> tuple[np.ndarray, np.ndarray]:
-    """``S`` and ``s`` with ``|q| ≤ S (ẑ, x̂) + s Y`` for the inputs ``q_1 … q_nz, q_f``; nominal slopes ``f0, f1``."""
-    pairs = zip((*slopes.f0, slopes.f1), (*f0.tolist(), f1.tolist()), strict=True)
-    S = [[magnitude(minus(side, nominal)) for side, nominal in zip(row, middle, strict=True)] for row, middle in pairs]
-    rest = len(f1) - zeros - 1
-    for row in S[:-1]:
-        row += [0.0] * rest
-    return np.array(S), np.array([magnitude(row[zeros]) for row in (*slopes.f0, slopes.f1)])
-
-
-def minus(side: Range, nominal: float) -> Range:
-    """The range minus the nominal value."""
-    return side[0] - nominal, side[1] - nominal
+def residuals(slopes: Slopes, f0: Rows, f1: Sequence[float], zeros: int) -> tuple[list[list[float]], list[float]]:
+    """``S`` and ``s`` with ``|q| ≤ S (ẑ, x̂) + s Y`` for the inputs ``q_1 … q_nz, q_f``; nominal slopes ``f0, f1``. The
+    rows of ``S`` end where there is nothing more."""
+    sides = (*slopes.f0, slopes.f1)
+    S = [
+        [max(abs(low - middle), abs(high - middle)) for (low, high), middle in zip(row, nominal, strict=True)]
+        for row, nominal in zip(sides, (*f0, f1), strict=True)
+    ]
+    return S, [magnitude(row[zeros]) for row in sides]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import mul
 
 import numpy as np
 
@@ -78,6 +79,7 @@ class Comparison:
         self.gain_error = max(abs(low - feedback.b), abs(high - feedback.b))
         driven, started = np.split(kernels.coefficients, [kernels.inputs], axis=1)
         self._driven, self._started = np.ascontiguousarray(driven.transpose(0, 2, 1)), started
+        self._f0, self._f1 = feedback.f0.tolist(), feedback.f1.tolist()
         self._highest = self.decays @ started[self.plant].T
 
     def start(self, state: np.ndarray) -> np.ndarray:
@@ -90,12 +92,12 @@ class Comparison:
     def inputs(self, box: np.ndarray, moment: Moment, known: Ranges = ()) -> np.ndarray:
         """Bounds of ``q_1 … q_nz, q_f, q_y`` over a box of outputs."""
         zeros = self.increments.zeros
-        sides = box.tolist()
-        slopes = self.increments.slopes(sides[:zeros], sides[zeros : self.plant], moment, known)
-        S, s = residuals(slopes, self.feedback.f0, self.feedback.f1, zeros)
-        q = S @ box[: self.plant] + s * moment.deviation
-        q[zeros] += self.gain_error * box[self.plant + 1]
-        return np.append(q, moment.rate) * DRIVE_MARGIN
+        bounds = box.tolist()
+        slopes = self.increments.slopes(bounds[:zeros], bounds[zeros : self.plant], moment, known)
+        S, s = residuals(slopes, self._f0, self._f1, zeros)
+        q = [sum(map(mul, row, bounds)) + extra * moment.deviation for row, extra in zip(S, s, strict=True)]
+        q[zeros] += self.gain_error * bounds[self.plant + 1]
+        return np.array([*q, moment.rate]) * DRIVE_MARGIN
 
     def drive(self, q: np.ndarray) -> np.ndarray:
         return self._driven @ q
@@ -108,7 +110,7 @@ class Comparison:
         apart = p - level
         left, bends = instants
         sums = level.sum(axis=1)[:, None] + apart @ left.T
-        over = np.maximum(-apart, 0) @ bends.T + STEP_MARGIN * (np.abs(apart) @ bends.T)
+        over = (np.maximum(-apart, 0) + STEP_MARGIN * np.abs(apart)) @ bends.T
         reached = (np.maximum(sums[:, :-1], sums[:, 1:]) + over).max(axis=1)
         return level + apart * left[-1], reached
 
@@ -177,8 +179,8 @@ def _box(
         moved = move(comparison.increments, known, box.tolist(), moment, length) if known else None
         ends, during = moved or ((), ())
         following, reached = comparison.step(p, box, moment, during, instants)
-        if np.all(reached <= box):
-            if held is not None or np.all(reached * TIGHT >= box):
+        if (reached <= box).all():
+            if held is not None or (reached * TIGHT >= box).all():
                 return following, box, ends, rounds
             held = following, box, ends, rounds
             box = np.minimum(reached * (1 + SLACK) + 1e-9, box)
@@ -186,7 +188,7 @@ def _box(
             return held
         else:
             box = np.maximum(box, reached * INFLATION)
-            if not np.all(np.isfinite(box)) or box.max() > LARGEST:
+            if not box.max() <= LARGEST:
                 return None
     return None
 
