@@ -7,8 +7,9 @@ import pytest
 import sympy
 from scipy.linalg import expm
 
-from certify.tube.increments import Ranges, residuals
+from certify.tube.increments import Ranges, Slopes, residuals
 from certify.tube.surroundings import Moment
+from certify.tube.trial import AgentTrials
 from symbolic.plant import COST_VARIABLE
 from tests.tubes import (
     QUICK,
@@ -72,7 +73,7 @@ def test_increments_lie_below_their_bounds(name: str, number: int, size: float, 
         here = _value(expression, symbols, [*(steady + z_bar), *x, *v, *w])
         at_rest = _value(expression, symbols, [*steady, *rest, *v, *w])
         q.append(here - at_rest - row @ np.vstack([z_bar, x_bar])[: len(row)])
-    S, s = residuals(increments.slopes(z_size, x_size, moment, ranges), f0, f1, zeros)
+    S, s = bounds_of_inputs(held, increments.slopes(z_size, x_size, moment, ranges))
     bound = S @ np.concatenate([z_size, x_size]) + s * moment.deviation
     found = np.abs(np.array(q))[:, there]
     reached = found.max(axis=1)
@@ -81,8 +82,15 @@ def test_increments_lie_below_their_bounds(name: str, number: int, size: float, 
     assert np.all(found <= pointwise[:, there] * (1 + 1e-9) + 1e-9)
     assert known or np.all(reached >= 0.1 * bound - 1e-9)
     if known:
-        wide, _ = residuals(increments.slopes(z_size, x_size, moment), f0, f1, zeros)
+        wide, _ = bounds_of_inputs(held, increments.slopes(z_size, x_size, moment))
         assert np.all(wide * (1 + 1e-9) + 1e-12 >= S)
+
+
+def bounds_of_inputs(held: AgentTrials, slopes: Slopes) -> tuple[Array, Array]:
+    """``S`` and ``s`` of ``residuals`` as arrays."""
+    f0, f1 = ([[float(a) for a in row] for row in rows] for rows in (held.nominal.f0, [held.nominal.f1]))
+    rows, s = residuals(slopes, f0, f1[0], held.increments.zeros)
+    return np.array([row + [0.0] * (len(rows[-1]) - len(row)) for row in rows]), np.array(s)
 
 
 def _value(expression: sympy.Expr, symbols: tuple[sympy.Symbol, ...], values: list[Array]) -> Array:

@@ -9,12 +9,15 @@ import numpy as np
 
 from certify.agent_model import AgentModel
 from certify.bounds.balls import compile_expression
-from certify.tube.ranges import FloatProgram, Range, floats, magnitude, meet, symmetric, widen
+from certify.tube.ranges import Argument, FloatProgram, Range, floats, magnitude, meet, symmetric, widen
 from certify.tube.surroundings import Moment
+from certify.tube.tapes import Tape
 from symbolic.plant import COST_VARIABLE
 
 REST: Range = (0.0, 0.0)
 Ranges = tuple[Range, ...]
+Bounds = Sequence[float] | np.ndarray
+Rows = Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True)
@@ -35,48 +38,59 @@ class Increments:
         self.symbols = (*agent.zero_states, *agent.chain, COST_VARIABLE, *model.exosystem.states, *agent.parameters)
         self.parameters = [floats(side) for side in agent.parameter_box]
         self.optimum = floats(model.optimum)
-        self.f1 = FloatProgram(compile_expression(agent.f, self.symbols))
-        self.f0 = [FloatProgram(compile_expression(f0, self.symbols)) for f0 in agent.zero_dynamics]
         self.b = floats(model.input_gain)
+        functions = [FloatProgram(compile_expression(f, self.symbols)) for f in (*agent.zero_dynamics, agent.f)]
+        self._f0_slopes = [self._slope_tapes(function, self.zeros + 1) for function in functions[:-1]]
+        self._f1_slopes = self._slope_tapes(functions[-1], self.zeros + self.order)
+        self._speeds = [self._speed_tape(function) for function in functions[:-1]]
 
-    def slopes(self, z: np.ndarray, x: np.ndarray, moment: Moment, known: Ranges = ()) -> Slopes:
+    def slopes(self, z: Bounds, x: Bounds, moment: Moment, known: Ranges = ()) -> Slopes:
         """Slopes over the box of magnitudes ``z, x`` of ``z̄, x̄``. One coordinate after the other moves from ``(z*, s*,
         0 … 0)`` to where it is: ``z`` first, then ``x_1 … x_n``. ``known`` are ranges of ``z`` itself, empty where
         nothing is known."""
-        rest = [*moment.steady, self.optimum, *[REST] * (self.order - 1)]
         moved = [*self.zero_ranges(z, moment, known), widen(moment.reference, x[0]), *map(symmetric, x[1:])]
-        others = [self.optimum, *moment.v, *self.parameters]
+        inputs = [*moved, *moment.steady, *moment.v]
+        return Slopes(
+            tuple([_replayed(row, inputs) for row in self._f0_slopes]),
+            _replayed(self._f1_slopes, inputs),
+        )
 
-        def row(function: FloatProgram, count: int) -> tuple[Range, ...]:
-            return tuple(function.secant([*moved[: k + 1], *rest[k + 1 :], *others], k, rest[k]) for k in range(count))
+    def _slope_tapes(self, function: FloatProgram, count: int) -> list[tuple[Tape, Range | None]]:
+        """Slopes in the first ``count`` coordinates, of where ``z, x`` have moved to, ``z*`` and ``v``; many are the
+        same for all."""
+        states, disturbances = self.zeros + self.order, len(self.model.exosystem.states)
+        inputs = states + self.zeros + disturbances
+        rest: list[Argument] = [*range(states, states + self.zeros), self.optimum, *[REST] * (self.order - 1)]
+        others: list[Argument] = [self.optimum, *range(states + self.zeros, inputs), *self.parameters]
+        tapes = [function.slope(inputs, [*range(k + 1), *rest[k + 1 :], *others], k, rest[k]) for k in range(count)]
+        return [(tape, tape.fixed) for tape in tapes]
 
-        return Slopes(tuple(row(f0, self.zeros + 1) for f0 in self.f0), row(self.f1, self.zeros + self.order))
+    def _speed_tape(self, function: FloatProgram) -> Tape:
+        """The range of a function of ``z, x_1`` and ``v``."""
+        inputs = self.zeros + 1 + len(self.model.exosystem.states)
+        states: list[Argument] = [*range(self.zeros + 1), *[REST] * (self.order - 1)]
+        return function.enclosure(inputs, [*states, self.optimum, *range(self.zeros + 1, inputs), *self.parameters])
 
-    def zero_ranges(self, z: np.ndarray, moment: Moment, known: Ranges = ()) -> list[Range]:
+    def zero_ranges(self, z: Bounds, moment: Moment, known: Ranges = ()) -> list[Range]:
         """``[z*] ± ẑ``, cut with what is known of ``z`` itself."""
         around = [widen(steady, bound) for steady, bound in zip(moment.steady, z, strict=True)]
         return [meet(side, other) for side, other in zip(around, known, strict=True)] if known else around
 
-    def zero_speed(self, k: int, zs: Sequence[Range], output: Range, moment: Moment) -> Range:
-        """The range of ``z_k'`` over ranges of ``z`` and ``x_1``."""
-        rest = [output] + [REST] * (self.order - 1)
-        return self.f0[k].enclose([*zs, *rest, self.optimum, *moment.v, *self.parameters])
+    def zero_speed(self, k: int, zs: Sequence[Range], others: Sequence[Range]) -> Range:
+        """The range of ``z_k'`` over ranges of ``z``, and of ``x_1`` and ``v``."""
+        return self._speeds[k]([*zs, *others])
 
 
-def residuals(slopes: Slopes, f0: np.ndarray, f1: np.ndarray, zeros: int) -> tuple[np.ndarray, np.ndarray]:
-    """``S`` and ``s`` with ``|q| ≤ S (ẑ, x̂) + s Y`` for the inputs ``q_1 … q_nz, q_f``; nominal slopes ``f0, f1``."""
-    width = len(f1)
-    S, s = np.zeros((zeros + 1, width)), np.zeros(zeros + 1)
-    for k, row in enumerate(slopes.f0):
-        for j in range(zeros + 1):
-            S[k, j] = magnitude(minus(row[j], f0[k, j]))
-        s[k] = magnitude(row[zeros])
-    for j in range(width):
-        S[zeros, j] = magnitude(minus(slopes.f1[j], f1[j]))
-    s[zeros] = magnitude(slopes.f1[zeros])
-    return S, s
+def _replayed(tapes: list[tuple[Tape, Range | None]], inputs: list[Range]) -> Ranges:
+    return tuple([fixed or tape(inputs) for tape, fixed in tapes])
 
 
-def minus(side: Range, nominal: float) -> Range:
-    """The range minus the nominal value."""
-    return side[0] - nominal, side[1] - nominal
+def residuals(slopes: Slopes, f0: Rows, f1: Sequence[float], zeros: int) -> tuple[list[list[float]], list[float]]:
+    """``S`` and ``s`` with ``|q| ≤ S (ẑ, x̂) + s Y`` for the inputs ``q_1 … q_nz, q_f``; nominal slopes ``f0, f1``. The
+    rows of ``S`` end where there is nothing more."""
+    sides = (*slopes.f0, slopes.f1)
+    S = [
+        [max(abs(low - middle), abs(high - middle)) for (low, high), middle in zip(row, nominal, strict=True)]
+        for row, nominal in zip(sides, (*f0, f1), strict=True)
+    ]
+    return S, [magnitude(row[zeros]) for row in sides]

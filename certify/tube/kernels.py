@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
+from certify.tube.covering import least_cover
 from certify.tube.modes import Modes
 
 RATIO = 33 / 32
@@ -63,13 +64,15 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
     basis = Basis(ends[groups], rates)
     grouped = np.maximum.reduceat(bound, groups[:-1], axis=2)
     size = np.linalg.norm(modes.outputs, axis=1)[:, None] * np.linalg.norm(modes.columns, axis=0)[None, :]
+    left, right = _block_norms(modes)
+    later = (left * np.exp(-(modes.decay - rates[0]) * last)) @ right
     coefficients = np.zeros((*bound.shape[:2], len(rates)))
     for i in range(bound.shape[0]):
         for j in range(bound.shape[1]):
             weight = INPUT_WEIGHT if j < inputs else START_WEIGHT
             coefficients[i, j] = basis.least_majorant(grouped[i, j], 1 / rates + weight / rates[0])
             coefficients[i, j, 0] += ROUNDING * size[i, j]
-            coefficients[i, j, 0] += _tail_excess(modes, i, j, rates, last, coefficients[i, j])
+            coefficients[i, j, 0] += _tail_excess(later[i, j], rates, last, coefficients[i, j])
     return Kernels(rates, coefficients, inputs)
 
 
@@ -140,23 +143,30 @@ class Basis:
         if largest <= 0:
             return np.zeros(len(price))
         need = np.maximum(bound / largest, NEGLIGIBLE * self.last[:, 0])[:, None]
-        signed = np.hstack([-self.last, self.first]) / need
-        prices, count = np.concatenate([price, NEGATIVE * price[0] - price]), len(price)
-        positive, negative = np.eye(count)[0] / self.last[-1, 0], np.zeros(count)
-        for columns in (2 * count, count):  # without negative ones if that is too hard for the solver
-            result = linprog(prices[:columns], A_ub=signed[:, :columns], b_ub=-np.ones(len(need)), method="highs")
-            if result.x is not None:
-                positive, negative = np.split(np.append(np.maximum(result.x, 0), np.zeros(2 * count - columns)), 2)
-                break
+        signed = np.hstack([self.last, -self.first]) / need
+        prices = np.concatenate([price, NEGATIVE * price[0] - price])
+        positive, negative = np.split(_cheapest(signed, prices), 2)
         lower = self.last @ positive - self.first @ negative
         lacking = float(np.max((need[:, 0] - lower) / self.last[:, 0], initial=0.0))
         positive[0] += lacking + MARGIN * float(positive.sum() + negative.sum()) * GUARD
         return (positive - negative) * largest * (1 + MARGIN)
 
 
-def _tail_excess(modes: Modes, i: int, j: int, rates: np.ndarray, end: float, coefficients: np.ndarray) -> float:
-    """What the slowest coefficient lacks to cover everything after the last cell."""
-    left, right = _block_norms(modes)
-    later = float(np.sum(left[i] * right[:, j] * np.exp(-(modes.decay - rates[0]) * end)))
+def _cheapest(signed: np.ndarray, prices: np.ndarray) -> np.ndarray:
+    """``least_cover``, or what a solver for all kinds of programs finds, without negative coefficients if that is too
+    hard for both; zeros if everything is."""
+    found = least_cover(signed, prices)
+    if found is not None:
+        return np.maximum(found, 0)
+    count = len(prices) // 2
+    for columns in (2 * count, count):
+        result = linprog(prices[:columns], A_ub=-signed[:, :columns], b_ub=-np.ones(len(signed)), method="highs")
+        if result.x is not None:
+            return np.append(np.maximum(result.x, 0), np.zeros(2 * count - columns))
+    return np.zeros(2 * count)
+
+
+def _tail_excess(later: float, rates: np.ndarray, end: float, coefficients: np.ndarray) -> float:
+    """What the slowest coefficient lacks to cover ``later``, a bound of everything after the last cell."""
     against = float(np.minimum(coefficients[1:], 0) @ np.exp(-(rates[1:] - rates[0]) * end))
     return max(0.0, 2 * later - against - float(coefficients[0]))

@@ -57,13 +57,19 @@ class ObserverError:
     """
 
     def __init__(self, decay: ObserverDecay, weights: np.ndarray, initial: np.ndarray, h: float) -> None:
-        self.decay, self.weights, self.initial, self.h = decay, np.abs(weights), initial, h
+        self.initial, self._cells = initial, len(decay.later) - 1
+        self._rate = h / decay.width * (1 - 1e-12)
+        self._left, self._driven = decay.later @ initial, decay.gains / h
+        self._missed, self._missed_driven = self._left @ np.abs(weights), float(self._driven @ np.abs(weights))
 
     def at(self, time: float, speed: float) -> np.ndarray:
         """Bounds of ``|e_i|`` from ``time`` on, as long as ``|ẋ_n| ≤ speed`` since 0."""
-        cell = min(int(self.h * time / self.decay.width * (1 - 1e-12)), len(self.decay.later) - 1)
-        return self.decay.later[cell] @ self.initial + self.decay.gains * speed / self.h
+        bound: np.ndarray = self._left[self._cell(time)] + self._driven * speed
+        return bound
 
     def missed(self, time: float, speed: float) -> float:
         """``|E2 e|`` from ``time`` on."""
-        return float(self.weights @ self.at(time, speed))
+        return float(self._missed[self._cell(time)]) + self._missed_driven * speed
+
+    def _cell(self, time: float) -> int:
+        return min(int(time * self._rate), self._cells)

@@ -6,19 +6,18 @@ derivative over everything between; a function of one argument has the derivativ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from math import inf
-from typing import TypeVar
+from collections.abc import Sequence
+from functools import reduce
 
 from certify.bounds.balls import Program
-from certify.tube import float_intervals as intervals
 from certify.tube.float_intervals import ONE, ZERO, Ends
+from certify.tube.tapes import Recorder, Tape
 from symbolic.plant import Interval
 
 Range = tuple[float, float]
-T = TypeVar("T")
-Triple = tuple[Ends, Ends, Ends]
-"""The range at ``x``, the range at ``c``, and the slope between."""
+Argument = int | Range
+"""Of an expression: the place of a tape's input, or a range that is known when the tape is recorded."""
+Triple = tuple[int, int, int]
 
 
 def floats(side: Interval) -> Range:
@@ -52,91 +51,103 @@ class FloatProgram:
 
     def __init__(self, program: Program) -> None:
         self.program = program
+        self.count = len(program.symbols)
         constants = (program.constant(position) for position in range(len(program.instructions)))
         self.constants: list[Ends] = [None if ends is None else (float(ends[0]), float(ends[1])) for ends in constants]
+        self._enclosure = self.enclosure(self.count, range(self.count))
+        self._secants: dict[int, Tape] = {}
 
     def enclose(self, box: Sequence[Range]) -> Range:
         """The natural interval extension; the whole line where it is not defined."""
-        registers: list[Ends] = list(box)
-        for step, constant in zip(self.program.instructions, self.constants, strict=True):
-            operands = [registers[k] for k in step.operands]
-            if step.operation == "constant":
-                registers.append(constant)
-            elif step.operation == "add":
-                registers.append(_folded(intervals.add, operands))
-            elif step.operation == "multiply":
-                registers.append(_folded(intervals.multiply, operands))
-            elif step.operation == "power":
-                registers.append(intervals.power(operands[0], step.exponent))
-            else:
-                registers.append(intervals.function_ends(step.operation, operands[0]))
-        return registers[self.program.result] or (-inf, inf)
+        return self._enclosure(box)
 
     def secant(self, box: Sequence[Range], index: int, centre: Range) -> Range:
         """``f(x) − f(c) ∈ slope · (x_k − c_k)`` when only argument ``k = index`` moves, from ``centre`` to
         ``box[index]``, and the others are anywhere in ``box``; the whole line where it is not defined."""
-        registers: list[Triple] = [(side, side, ZERO) for side in box]
-        registers[index] = (box[index], centre, ONE)
+        if index not in self._secants:
+            self._secants[index] = self.slope(self.count + 1, range(self.count), index, self.count)
+        return self._secants[index]([*box, centre])
+
+    def enclosure(self, inputs: int, arguments: Sequence[Argument]) -> Tape:
+        """``enclose`` with some arguments held: each is the place of one of the tape's ``inputs``, or a range."""
+        recorder = Recorder(inputs)
+        registers = [_node(recorder, argument) for argument in arguments]
         for step, constant in zip(self.program.instructions, self.constants, strict=True):
             operands = [registers[k] for k in step.operands]
             if step.operation == "constant":
-                registers.append((constant, constant, ZERO))
+                registers.append(recorder.constant(constant))
             elif step.operation == "add":
-                registers.append(_folded(_sum, operands))
+                registers.append(reduce(recorder.add, operands))
             elif step.operation == "multiply":
-                registers.append(_folded(_product, operands))
+                registers.append(reduce(recorder.multiply, operands))
             elif step.operation == "power":
-                registers.append(_power(operands[0], step.exponent))
+                registers.append(recorder.power(operands[0], step.exponent))
             else:
-                registers.append(_function(step.operation, operands[0]))
-        return registers[self.program.result][2] or (-inf, inf)
+                registers.append(recorder.function(step.operation, operands[0]))
+        return recorder.tape(registers[self.program.result])
+
+    def slope(self, inputs: int, arguments: Sequence[Argument], index: int, centre: Argument) -> Tape:
+        """``secant`` for one ``index`` with some arguments held, as in ``enclosure``."""
+        record = _SecantRecorder(inputs)
+        registers = [record.still(argument) for argument in arguments]
+        registers[index] = record.moving(arguments[index], centre)
+        for step, constant in zip(self.program.instructions, self.constants, strict=True):
+            operands = [registers[k] for k in step.operands]
+            if step.operation == "constant":
+                registers.append(record.still(constant))
+            elif step.operation == "add":
+                registers.append(reduce(record.sum, operands))
+            elif step.operation == "multiply":
+                registers.append(reduce(record.product, operands))
+            elif step.operation == "power":
+                registers.append(record.power(operands[0], step.exponent))
+            else:
+                registers.append(record.function(step.operation, operands[0]))
+        return record.recorder.tape(registers[self.program.result][2])
 
 
-def _folded(combine: Callable[[T, T], T], operands: Sequence[T]) -> T:
-    total = operands[0]
-    for operand in operands[1:]:
-        total = combine(total, operand)
-    return total
+class _SecantRecorder:
+    """Records triples: the range at ``x``, the range at ``c``, and the slope between."""
+
+    def __init__(self, inputs: int) -> None:
+        self.recorder = Recorder(inputs)
+        self.zero, self.one = self.recorder.constant(ZERO), self.recorder.constant(ONE)
+
+    def still(self, argument: Argument | None) -> Triple:
+        node = _node(self.recorder, argument)
+        return node, node, self.zero
+
+    def moving(self, to: Argument, centre: Argument) -> Triple:
+        return _node(self.recorder, to), _node(self.recorder, centre), self.one
+
+    def sum(self, f: Triple, g: Triple) -> Triple:
+        add = self.recorder.add
+        return add(f[0], g[0]), add(f[1], g[1]), add(f[2], g[2])
+
+    def product(self, f: Triple, g: Triple) -> Triple:
+        multiply = self.recorder.multiply
+        slope = self.recorder.add(multiply(f[2], g[0]), multiply(f[1], g[2]))
+        return multiply(f[0], g[0]), multiply(f[1], g[1]), slope
+
+    def power(self, f: Triple, exponent: int) -> Triple:
+        record, (x, c, slope), count = self.recorder, f, abs(exponent)
+        values = record.power(x, exponent), record.power(c, exponent)
+        if slope == self.zero:
+            return *values, slope
+        terms = (record.multiply(record.power(x, k), record.power(c, count - 1 - k)) for k in range(count))
+        difference = reduce(record.add, terms, self.zero)
+        if exponent < 0:  # 1/xᵐ − 1/cᵐ = −(xᵐ − cᵐ)/(xᵐ cᵐ)
+            difference = record.negate(record.multiply(difference, record.multiply(*values)))
+        return *values, record.multiply(slope, difference)
+
+    def function(self, name: str, f: Triple) -> Triple:
+        record, (x, c, slope) = self.recorder, f
+        values = record.function(name, x), record.function(name, c)
+        if slope == self.zero:
+            return *values, slope
+        between = record.hull(x, c)
+        return *values, record.multiply(slope, record.derivative(name, between, record.function(name, between)))
 
 
-def _sum(f: Triple, g: Triple) -> Triple:
-    if f[2] is ZERO and g[2] is ZERO:
-        x = intervals.add(f[0], g[0])
-        return x, x, ZERO
-    return intervals.add(f[0], g[0]), intervals.add(f[1], g[1]), intervals.add(f[2], g[2])
-
-
-def _product(f: Triple, g: Triple) -> Triple:
-    x = intervals.multiply(f[0], g[0])
-    if f[2] is ZERO and g[2] is ZERO:
-        return x, x, ZERO
-    slope = intervals.add(intervals.multiply(f[2], g[0]), intervals.multiply(f[1], g[2]))
-    return x, intervals.multiply(f[1], g[1]), slope
-
-
-def _power(f: Triple, exponent: int) -> Triple:
-    x, c, slope = f
-    values = intervals.power(x, exponent), intervals.power(c, exponent)
-    if slope is ZERO:
-        return *values, ZERO
-    count = abs(exponent)
-    difference: Ends = ZERO
-    for k in range(count):
-        term = intervals.multiply(intervals.power(x, k), intervals.power(c, count - 1 - k))
-        difference = intervals.add(difference, term)
-    if exponent < 0:  # 1/xᵐ − 1/cᵐ = −(xᵐ − cᵐ)/(xᵐ cᵐ)
-        difference = intervals.negate(intervals.multiply(difference, intervals.multiply(*values)))
-    return *values, intervals.multiply(slope, difference)
-
-
-def _function(name: str, f: Triple) -> Triple:
-    x, c, slope = f
-    values = intervals.function_ends(name, x), intervals.function_ends(name, c)
-    if slope is ZERO:
-        return *values, ZERO
-    if x is None or c is None:
-        return *values, None
-    between = hull(x, c)
-    over = intervals.function_ends(name, between)
-    derivative = None if over is None else intervals.function_slope(name, between, over)
-    return *values, intervals.multiply(slope, derivative)
+def _node(recorder: Recorder, argument: Argument | None) -> int:
+    return argument if isinstance(argument, int) else recorder.constant(argument)

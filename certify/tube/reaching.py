@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from math import ceil, isfinite, log2
+from operator import ge, mul
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from certify.agent_model import AgentModel
 from certify.tube.direct_ranges import move
 from certify.tube.increments import Increments, Ranges, Slopes
 from certify.tube.observer_error import ObserverError
-from certify.tube.ranges import magnitude
+from certify.tube.ranges import Range, magnitude
 from certify.tube.surroundings import Moment, Surroundings, steady_trajectory_range
 
 INFLATION = 1.05
@@ -25,6 +27,7 @@ PATIENCE = 8
 FALLING = 0.998
 ENOUGH = 0.3
 LARGEST = 1e9
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -57,21 +60,21 @@ def initial_magnitudes(model: AgentModel, surroundings: Surroundings) -> Initial
 class Magnitudes:
     """Bounds of ``|z̄|, |x̄|, |ϑ|`` and ``|ζ|`` with ``ζ = η̄ − N x̄_n/b``."""
 
-    z: np.ndarray
-    x: np.ndarray
+    z: tuple[float, ...]
+    x: tuple[float, ...]
     vartheta: float
-    zeta: np.ndarray
+    zeta: tuple[float, ...]
 
     def covers(self, other: Magnitudes) -> bool:
-        return bool(np.all(self.flat >= other.flat))
+        return all(map(ge, self.flat, other.flat))
 
     @property
-    def flat(self) -> np.ndarray:
-        return np.concatenate([self.z, self.x, [self.vartheta], self.zeta])
+    def flat(self) -> tuple[float, ...]:
+        return (*self.z, *self.x, self.vartheta, *self.zeta)
 
     def larger(self, other: Magnitudes, factor: float = 1.0) -> Magnitudes:
         pairs = ((self.z, other.z), (self.x, other.x), (self.zeta, other.zeta))
-        z, x, zeta = (np.maximum(a, b) * factor + 1e-9 for a, b in pairs)
+        z, x, zeta = (tuple([max(a, b) * factor + 1e-9 for a, b in zip(*pair, strict=True)]) for pair in pairs)
         return Magnitudes(z, x, max(self.vartheta, other.vartheta) * factor + 1e-9, zeta)
 
 
@@ -125,11 +128,15 @@ class Reaching:
         error: ObserverError | None,
     ) -> None:
         self.increments, self.surroundings, self.initial = increments, surroundings, initial
-        self.theta, self.K, self.delta, self.nominal_b, self.error = theta, K, delta, nominal_b, error
+        self.theta: list[float] = theta.tolist()
+        self.K, self.delta, self.error = K, delta, error
         im = increments.model.internal_model
-        self.psi, self.N, self.b, self.order = np.abs(_row(im.psi)), _row(im.N), increments.b, increments.order
-        M = np.array([[float(x) for x in row] for row in im.M]).reshape(len(self.N), len(self.N))
-        self.M, self.MN, self.psi_N = np.abs(M), M @ self.N, float(_row(im.psi) @ self.N)
+        self.b, self.order = increments.b, increments.order
+        self.psi, self.N = [abs(float(entry)) for entry in im.psi], [float(entry) for entry in im.N]
+        self.M = [[abs(float(entry)) for entry in row] for row in im.M]
+        self.MN = [float(sum(map(mul, row, im.N), Fraction(0))) for row in im.M]
+        self.psi_N = float(sum(map(mul, im.psi, im.N), Fraction(0)))
+        self.apart = max(abs(1 / side - 1 / nominal_b) for side in self.b)
 
     def run(self, left: Callable[[np.ndarray], float], time_constant: float) -> Reached | Stuck:
         """Steps until ``left`` of the state, the bound of ``|ϑ̃|`` that phase 2 would start with, is least.
@@ -138,7 +145,7 @@ class Reaching:
         """
         now = Instant(0.0, self._begin(), 0.0, self.initial.ranges)
         remains, since = left(self.start(now)), 0
-        best, best_left = self._reached([now], []), remains
+        best, best_left = 0, remains
         instants, boxes, length = [now], [], FIRST_STEP * time_constant
         level = self.delta / self.K
         for _ in range(MOST_STEPS):
@@ -155,30 +162,29 @@ class Reaching:
             before, remains = remains, left(self.start(now))
             since = 0 if remains < FALLING * before else since + 1
             if remains < best_left:
-                best, best_left = self._reached(instants, boxes), remains
+                best, best_left = len(boxes), remains
         if best_left > level:
             reason = (
                 f"with the saturation level delta = {self.delta:.4g} the feedback stays saturated: "
                 f"|ϑ| falls to {best_left:.3g}, not to delta/K = {level:.3g}"
             )
             return Stuck(reason, best_left)
-        return best
+        return self._reached(instants[: best + 1], boxes[:best])
 
     def start(self, now: Instant) -> np.ndarray:
         """Bounds of ``Y = (z̄, x̄_1 … x̄_(n−1), ϑ, ζ₀, e)``, ``ζ₀ = η̄ − N x̄_n/b₀``."""
         state = now.state
-        apart = max(abs(1 / side - 1 / self.nominal_b) for side in self.b)
-        zeta = state.zeta + np.abs(self.N) * apart * state.x[-1]
+        zeta = [bound + abs(N) * self.apart * state.x[-1] for bound, N in zip(state.zeta, self.N, strict=True)]
+        known = [*state.z, *state.x[:-1], state.vartheta, *zeta]
         if self.error is None:
-            error = np.zeros(0)
-        else:
-            error = self.error.at(now.time, now.speed) if now.time > 0 else self.error.initial
-        return np.concatenate([state.z, state.x[:-1], [state.vartheta], zeta, error * MARGIN])
+            return np.array(known)
+        error = self.error.at(now.time, now.speed) if now.time > 0 else self.error.initial
+        return np.concatenate([known, error * MARGIN])
 
     def _begin(self) -> Magnitudes:
-        initial = self.initial
-        zeta = initial.eta + np.abs(self.N) * initial.x[-1] / self.b[0]
-        return Magnitudes(initial.z, initial.x, float(self.theta @ initial.x), zeta)
+        x = self.initial.x.tolist()
+        zeta = [eta + abs(N) * x[-1] / self.b[0] for eta, N in zip(self.initial.eta.tolist(), self.N, strict=True)]
+        return Magnitudes(tuple(self.initial.z.tolist()), tuple(x), _dot(self.theta, x), tuple(zeta))
 
     def _reached(self, instants: list[Instant], boxes: list[Magnitudes]) -> Reached:
         now = instants[-1]
@@ -192,61 +198,64 @@ class Reaching:
         )
 
     def _step(self, now: Instant, length: float) -> tuple[Instant, Magnitudes] | None:
-        moment = self.surroundings.during(0.0, 2.0 ** np.ceil(np.log2(now.time + length)))
+        moment = self.surroundings.during(0.0, 2.0 ** ceil(log2(now.time + length)))
         box = now.state.larger(now.state, INFLATION)
         for _ in range(ROUNDS):
             ends, needed = self._rates(now, box, moment, length)
             if box.covers(needed):
                 return ends, box
             box = box.larger(needed, INFLATION)
-            if not np.all(np.isfinite(box.flat)) or box.flat.max() > LARGEST:
+            if not all(map(isfinite, box.flat)) or max(box.flat) > LARGEST:
                 return None
         return None
 
     def _rates(self, now: Instant, box: Magnitudes, moment: Moment, length: float) -> tuple[Instant, Magnitudes]:
         """The state after a step in ``box``, and the box that the step needs."""
-        state, n = now.state, self.order
-        plant = np.concatenate([box.z, box.x])
-        moved = move(self.increments, now.known, plant, moment, length) if now.known else None
+        state, theta, wide = now.state, self.theta, length * MARGIN
+        moved = move(self.increments, now.known, (*box.z, *box.x), moment, length) if now.known else None
         known, during = moved or ((), ())
         slopes = self.increments.slopes(box.z, box.x, moment, during)
-        internal = self.b[1] * float(self.psi @ box.zeta)
-        last = np.append(np.zeros(n - 1), self.psi_N)  # Ψη̄ = Ψζ + ΨN x̄_n/b
-        rise = self._slope_bound(slopes, box, moment, 1.0, last) + internal
-        shifted = np.append(0.0, self.theta[:-1]) + last
-        against = self._slope_bound(slopes, box, moment, 1.0, shifted) + internal + self.theta[0] * moment.rate
+        sizes, last = [magnitude(side) for side in slopes.f1], slopes.f1[-1]
+        internal = self.b[1] * _dot(self.psi, box.zeta)
+        still = sizes[self.increments.zeros] * moment.deviation
+        others = still + _dot(sizes, (*box.z, *box.x[:-1]))  # of |Δf|, all but what x̄_n adds
+        rise = others + _shifted(last, 1.0, self.psi_N) * box.x[-1] + internal  # Ψη̄ = Ψζ + ΨN x̄_n/b
+        against = still + _dot(sizes, box.z) + self._along_vartheta(slopes, box) + internal + theta[0] * moment.rate
         speed, missed, u = self._error(now, box, rise)
         vartheta = self._fall(state.vartheta, against * MARGIN, missed, length)
 
-        x_rate = np.append(box.x[1:], rise + self.b[1] * u)
-        if n > 1:  # x̄_(n−1)' = ϑ − Σ_(k<n) θ_k x̄_k as well
-            inward = box.vartheta + float(self.theta[:-2] @ box.x[:-2]) - float(self.theta[-2] * state.x[-2])
-            x_rate[-2] = min(x_rate[-2], max(inward, 0.0))
-        x_rate[0] += moment.rate
-        z_rate = [
-            sum(magnitude(side) * bound for side, bound in zip(row, plant, strict=False))
-            + magnitude(row[-1]) * moment.deviation
-            for row in slopes.f0
+        zeta_rate = [
+            _dot(row, box.zeta) + (abs(N) * others + _shifted(last, -N, MN) * box.x[-1]) / self.b[0]
+            for row, N, MN in zip(self.M, self.N, self.MN, strict=True)
         ]
-        zeta_rate = self.M @ box.zeta + [
-            (self._slope_bound(slopes, box, moment, -N, shift) + (abs(N) * moment.rate if n == 1 else 0.0)) / self.b[0]
-            for N, shift in zip(self.N, np.outer(self.MN, np.append(np.zeros(n - 1), 1.0)), strict=True)
-        ]
-        z = state.z + length * MARGIN * np.array(z_rate)
-        x = state.x + length * MARGIN * x_rate
-        zeta = state.zeta + length * MARGIN * np.array(zeta_rate)
-        inside = min(x[-1], box.vartheta + float(self.theta[:-1] @ box.x[:-1]))
-        needed = Magnitudes(z, np.append(x[:-1], inside), max(state.vartheta, vartheta), zeta)
-        x[-1] = min(x[-1], vartheta + float(self.theta[:-1] @ x[:-1]))
-        return Instant(now.time + length, Magnitudes(z, x, vartheta, zeta), speed, known), needed
+        if self.order == 1:
+            zeta_rate = [a + abs(N) * moment.rate / self.b[0] for a, N in zip(zeta_rate, self.N, strict=True)]
+        z = _along(state.z, wide, self._zero_rates(slopes, box, moment))
+        x = _along(state.x, wide, self._x_rates(state, box, moment, rise + self.b[1] * u))
+        zeta = tuple(_along(state.zeta, wide, zeta_rate))
+        inside = min(x[-1], box.vartheta + _dot(theta[:-1], box.x))
+        needed = Magnitudes(tuple(z), (*x[:-1], inside), max(state.vartheta, vartheta), zeta)
+        end = min(x[-1], vartheta + _dot(theta[:-1], x))
+        return Instant(now.time + length, Magnitudes(tuple(z), (*x[:-1], end), vartheta, zeta), speed, known), needed
 
-    def _slope_bound(self, slopes: Slopes, box: Magnitudes, moment: Moment, scale: float, shift: np.ndarray) -> float:
-        """A bound of ``|scale·Δf + shift·x̄|``."""
-        zeros = self.increments.zeros
-        along = [magnitude((scale * lo, scale * hi)) * bound for (lo, hi), bound in zip(slopes.f1, box.z, strict=False)]
-        for (lo, hi), extra, bound in zip(slopes.f1[zeros:], shift, box.x, strict=True):
-            along.append(magnitude((scale * lo + extra, scale * hi + extra)) * bound)
-        return sum(along) + abs(scale) * magnitude(slopes.f1[zeros]) * moment.deviation
+    def _zero_rates(self, slopes: Slopes, box: Magnitudes, moment: Moment) -> list[float]:
+        bounds = (*box.z, box.x[0])
+        return [_dot(map(magnitude, row), bounds) + magnitude(row[-1]) * moment.deviation for row in slopes.f0]
+
+    def _x_rates(self, state: Magnitudes, box: Magnitudes, moment: Moment, last: float) -> list[float]:
+        rates = [*box.x[1:], last]
+        if self.order > 1:  # x̄_(n−1)' = ϑ − Σ_(k<n) θ_k x̄_k as well
+            inward = box.vartheta + _dot(self.theta[:-2], box.x) - self.theta[-2] * state.x[-2]
+            rates[-2] = min(rates[-2], max(inward, 0.0))
+        rates[0] += moment.rate
+        return rates
+
+    def _along_vartheta(self, slopes: Slopes, box: Magnitudes) -> float:
+        """A bound of what ``x̄`` adds to ``|ϑ' − bū|``."""
+        shifts = [0.0, *self.theta[:-1]]
+        shifts[-1] += self.psi_N
+        sides = zip(slopes.f1[self.increments.zeros :], shifts, box.x, strict=True)
+        return sum([_shifted(side, 1.0, shift) * most for side, shift, most in sides])
 
     def _error(self, now: Instant, box: Magnitudes, drift: float) -> tuple[float, float, float]:
         """The largest ``|ẋ_n|`` so far, ``ε ≥ |E2 e|`` and ``|ū|`` during a step; ``drift`` bounds ``|ẋ_n − bū|``."""
@@ -258,26 +267,34 @@ class Reaching:
         return speed, missed, u
 
     def _fall(self, vartheta: float, against: float, missed: float, length: float) -> float:
-        """The least end of a straight line from ``vartheta`` that is above ``|ϑ|' ≤ against − b sat_δ(K(|ϑ| − ε))``."""
+        """The least end of a straight line from ``vartheta`` that is above ``|ϑ|' ≤ against − b sat_δ(K(|ϑ| − ε))``.
 
-        def speed(at: float) -> float:
-            push = min(max(self.K * (at - missed), -self.delta), self.delta)
-            return against - (self.b[0] if push > 0 else self.b[1]) * push
-
-        if speed(vartheta) >= 0:
-            return vartheta + length * speed(vartheta)
-        low, high = 0.0, vartheta
-        for _ in range(40):
-            middle = (low + high) / 2
-            if middle - vartheta >= length * speed(middle):
-                high = middle
-            else:
-                low = middle
-        return high * (1 + 1e-9)
+        Where it falls, it is the root of a piecewise linear function that grows.
+        """
+        push = min(max(self.K * (vartheta - missed), -self.delta), self.delta)
+        rate = against - (self.b[0] if push > 0 else self.b[1]) * push
+        if rate >= 0:
+            return vartheta + length * rate
+        free = vartheta + length * against
+        b = self.b[0] if free >= missed else self.b[1]
+        end = (free + length * b * self.K * missed) / (1 + length * b * self.K)
+        if abs(self.K * (end - missed)) > self.delta:
+            end = free - length * b * (self.delta if end > missed else -self.delta)
+        return (max(end, 0.0) + ROUNDING * vartheta) * (1 + 1e-9)
 
 
-def _row(entries: tuple[Fraction, ...]) -> np.ndarray:
-    return np.array([float(x) for x in entries])
+def _dot(first: Iterable[float], second: Iterable[float]) -> float:
+    """Over as many as both have."""
+    return sum(map(mul, first, second), 0.0)
+
+
+def _shifted(side: Range, scale: float, shift: float) -> float:
+    """``|scale·D + shift|`` over the range of ``D``."""
+    return max(abs(scale * side[0] + shift), abs(scale * side[1] + shift))
+
+
+def _along(start: Iterable[float], length: float, rates: Iterable[float]) -> list[float]:
+    return [at + length * rate for at, rate in zip(start, rates, strict=True)]
 
 
 def _short(length: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import mul
 
 import numpy as np
 
@@ -28,6 +29,8 @@ GROWTH = 1.3
 MOST_STEPS = 2500
 LARGEST = 1e6
 TAIL_SHARES = (0.9, 0.5, 0.2)
+
+Instants = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -74,39 +77,44 @@ class Comparison:
         self.decays = np.exp(-np.outer(times, kernels.rates))
         low, high = increments.b
         self.gain_error = max(abs(low - feedback.b), abs(high - feedback.b))
+        driven, started = np.split(kernels.coefficients, [kernels.inputs], axis=1)
+        self._driven, self._started = np.ascontiguousarray(driven.transpose(0, 2, 1)), started
+        self._f0, self._f1 = feedback.f0.tolist(), feedback.f1.tolist()
+        self._highest = self.decays @ started[self.plant].T
 
     def start(self, state: np.ndarray) -> np.ndarray:
-        return np.einsum("ila,l->ia", self.kernels.coefficients[:, self.kernels.inputs :], state)
+        return np.einsum("ila,l->ia", self._started, state)
 
     def highest(self, state: np.ndarray) -> float:
         """An estimate of the largest ``|ϑ̃|`` that ``Y`` leads to by itself."""
-        return float((self.decays @ self.start(state)[self.plant]).max())
+        return float((self._highest @ state).max())
 
     def inputs(self, box: np.ndarray, moment: Moment, known: Ranges = ()) -> np.ndarray:
         """Bounds of ``q_1 … q_nz, q_f, q_y`` over a box of outputs."""
         zeros = self.increments.zeros
-        slopes = self.increments.slopes(box[:zeros], box[zeros : self.plant], moment, known)
-        S, s = residuals(slopes, self.feedback.f0, self.feedback.f1, zeros)
-        q = S @ box[: self.plant] + s * moment.deviation
-        q[zeros] += self.gain_error * box[self.plant + 1]
-        return np.append(q, moment.rate) * DRIVE_MARGIN
+        bounds = box.tolist()
+        slopes = self.increments.slopes(bounds[:zeros], bounds[zeros : self.plant], moment, known)
+        S, s = residuals(slopes, self._f0, self._f1, zeros)
+        q = [sum(map(mul, row, bounds)) + extra * moment.deviation for row, extra in zip(S, s, strict=True)]
+        q[zeros] += self.gain_error * bounds[self.plant + 1]
+        return np.array([*q, moment.rate]) * DRIVE_MARGIN
 
     def drive(self, q: np.ndarray) -> np.ndarray:
-        return self.kernels.coefficients[:, : self.kernels.inputs].transpose(0, 2, 1) @ q
+        return self._driven @ q
 
     def step(
-        self, p: np.ndarray, box: np.ndarray, moment: Moment, known: Ranges, length: float
+        self, p: np.ndarray, box: np.ndarray, moment: Moment, known: Ranges, instants: Instants
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The state after the step and the bounds of the outputs during it, given a box for it."""
+        """The state after the step and the bounds of the outputs during it, given a box for it and its ``instants``."""
         level = self.drive(self.inputs(box, moment, known)) / self.kernels.rates
         apart = p - level
-        left, bends = self.instants(length)
+        left, bends = instants
         sums = level.sum(axis=1)[:, None] + apart @ left.T
-        over = np.maximum(-apart, 0) @ bends.T + STEP_MARGIN * (np.abs(apart) @ bends.T)
+        over = (np.maximum(-apart, 0) + STEP_MARGIN * np.abs(apart)) @ bends.T
         reached = (np.maximum(sums[:, :-1], sums[:, 1:]) + over).max(axis=1)
         return level + apart * left[-1], reached
 
-    def instants(self, length: float) -> tuple[np.ndarray, np.ndarray]:
+    def instants(self, length: float) -> Instants:
         """``e^{−μ_a τ_k}`` at ``τ_0 = 0, τ_k = Δ 2^{k−SUBSTEPS}``, and how far a rising term is above its chord between
         them."""
         times = length * np.append(0.0, 2.0 ** np.arange(1 - SUBSTEPS, 1))
@@ -166,13 +174,13 @@ def _box(
 ) -> tuple[np.ndarray, np.ndarray, Ranges, int] | None:
     """The state, the box and the ranges after a step; a box that holds is tried once more as tight as it turned out."""
     box = np.maximum(p.sum(axis=1) * INFLATION, guess) + 1e-9
-    held = None
+    instants, held = comparison.instants(length), None
     for rounds in range(60):
-        moved = move(comparison.increments, known, box, moment, length) if known else None
+        moved = move(comparison.increments, known, box.tolist(), moment, length) if known else None
         ends, during = moved or ((), ())
-        following, reached = comparison.step(p, box, moment, during, length)
-        if np.all(reached <= box):
-            if held is not None or np.all(reached * TIGHT >= box):
+        following, reached = comparison.step(p, box, moment, during, instants)
+        if (reached <= box).all():
+            if held is not None or (reached * TIGHT >= box).all():
                 return following, box, ends, rounds
             held = following, box, ends, rounds
             box = np.minimum(reached * (1 + SLACK) + 1e-9, box)
@@ -180,7 +188,7 @@ def _box(
             return held
         else:
             box = np.maximum(box, reached * INFLATION)
-            if not np.all(np.isfinite(box)) or box.max() > LARGEST:
+            if not box.max() <= LARGEST:
                 return None
     return None
 

@@ -16,6 +16,7 @@ from certify.agent_model import AgentModel
 from certify.bounds.balls import compile_expression
 from certify.coordinator.envelope import AgentEnvelope, Envelope
 from certify.tube.ranges import FloatProgram, Range, floats, hull, magnitude, meet, widen
+from certify.tube.tapes import Tape
 from symbolic.plant import COST_VARIABLE, Interval
 
 PARTS = {0: 1, 1: 8, 2: 4}
@@ -54,6 +55,7 @@ class Surroundings:
         self.spectrum: np.ndarray = spectrum
         self.modes: np.ndarray = flows
         self.inverse_modes = np.linalg.inv(self.modes) if len(self.S) else self.S
+        self.curvature = np.abs(self.S @ self.S) @ np.array([magnitude(side) for side in self.limits])
         ends = [floats(side) for side in exosystem.initial]
         self.centre = np.array([(lo + hi) / 2 for lo, hi in ends])
         self.radius = np.array([(hi - lo) / 2 for lo, hi in ends])
@@ -69,40 +71,29 @@ class Surroundings:
         if key not in self._known:
             v = self._exosystem(start, end)
             reference, deviation, rate = self._reference(start, end)
-            self._known[key] = Moment(v, reference, self.steady(self.optimum, v), deviation, rate)
+            self._known[key] = Moment(v, reference, self.steady(v), deviation, rate)
         return self._known[key]
 
     def later(self) -> Moment:
         """The moment that covers everything after the coordinator's grid."""
         deviation = float(self.agent.tail_deviation)
-        reference, steady = widen(self.optimum, deviation), self.steady.later(self.optimum, self.limits)
+        reference, steady = widen(self.optimum, deviation), self.steady.later(self.limits)
         return Moment(self.limits, reference, steady, deviation, float(self.agent.tail_rate))
 
     def at_start(self) -> Moment:
         """The moment ``t = 0`` itself."""
         v = tuple(floats(side) for side in self.model.exosystem.initial)
         moment = self.during(0.0, self.step)
-        return Moment(
-            v, floats(self.model.agent.initial.reference), self.steady(self.optimum, v), moment.deviation, moment.rate
-        )
+        return Moment(v, floats(self.model.agent.initial.reference), self.steady(v), moment.deviation, moment.rate)
 
     def _exosystem(self, start: float, end: float) -> tuple[Range, ...]:
         if not len(self.S):
             return ()
-        points = [self._flow(start), self._flow(end)]
-        bend = (
-            (end - start) ** 2
-            / 8
-            * np.abs(self.S @ self.S)
-            @ np.array([max(abs(lo), abs(hi)) for lo, hi in self.limits])
-        )
-        return tuple(
-            (
-                max(min(lo[k] for lo, _ in points) - bend[k], self.limits[k][0]),
-                min(max(hi[k] for _, hi in points) + bend[k], self.limits[k][1]),
-            )
-            for k in range(len(self.S))
-        )
+        (low, high), (later_low, later_high) = self._flow(start), self._flow(end)
+        low, high = np.minimum(low, later_low), np.maximum(high, later_high)
+        bend = (end - start) ** 2 / 8 * self.curvature
+        sides = zip((low - bend).tolist(), (high + bend).tolist(), self.limits, strict=True)
+        return tuple((max(lo, limit[0]), min(hi, limit[1])) for lo, hi, limit in sides)
 
     def _flow(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         flow = ((self.modes * np.exp(self.spectrum * time)) @ self.inverse_modes).real
@@ -132,7 +123,11 @@ class _SteadyRange:
         self.model = model
         symbols = (COST_VARIABLE, *model.exosystem.states, *model.agent.parameters)
         self.programs = [FloatProgram(compile_expression(component, symbols)) for component in model.steady_state]
-        self.parts = self._parts(PARTS, MANY_PARTS)
+        self.optimum = floats(model.optimum)
+        self.tapes = [
+            [self._tape(program, parameters) for parameters in self._parts(PARTS, MANY_PARTS)]
+            for program in self.programs
+        ]
         self.slopes = [
             [FloatProgram(compile_expression(sympy.diff(component, v), symbols)) for v in model.exosystem.states]
             for component in model.steady_state
@@ -140,26 +135,28 @@ class _SteadyRange:
         self.extent = np.array([[float(entry) for entry in row] for row in model.extent])
         self._later: dict[tuple[Range, ...], tuple[Range, ...]] = {}
 
-    def __call__(self, optimum: Range, v: tuple[Range, ...]) -> tuple[Range, ...]:
-        return tuple(
-            reduce(hull, (program.enclose([optimum, *v, *parameters]) for parameters in self.parts))
-            for program in self.programs
-        )
+    def __call__(self, v: tuple[Range, ...]) -> tuple[Range, ...]:
+        return tuple(reduce(hull, [tape(v) for tape in parts]) for parts in self.tapes)
 
-    def later(self, optimum: Range, v: tuple[Range, ...]) -> tuple[Range, ...]:
+    def later(self, v: tuple[Range, ...]) -> tuple[Range, ...]:
         """For all phases of the exosystem: also ``|z*(v) − z*(0)| ≤ √(gᵀ extent g)`` with the slopes ``g`` in ``v``."""
         if v not in self._later:
             parts = self._parts(TAIL_PARTS, MANY_TAIL_PARTS)
             self._later[v] = tuple(
-                reduce(hull, (self._around(k, optimum, v, parameters) for parameters in parts))
+                reduce(hull, (self._around(k, v, parameters) for parameters in parts))
                 for k in range(len(self.programs))
             )
         return self._later[v]
 
-    def _around(self, k: int, optimum: Range, v: tuple[Range, ...], parameters: tuple[Range, ...]) -> Range:
-        whole = self.programs[k].enclose([optimum, *v, *parameters])
-        middle = self.programs[k].enclose([optimum, *[(0.0, 0.0)] * len(v), *parameters])
-        g = np.array([magnitude(slope.enclose([optimum, *v, *parameters])) for slope in self.slopes[k]])
+    def _tape(self, program: FloatProgram, parameters: tuple[Range, ...]) -> Tape:
+        """A component as a function of ``v``."""
+        inputs = len(self.model.exosystem.states)
+        return program.enclosure(inputs, [self.optimum, *range(inputs), *parameters])
+
+    def _around(self, k: int, v: tuple[Range, ...], parameters: tuple[Range, ...]) -> Range:
+        whole = self.programs[k].enclose([self.optimum, *v, *parameters])
+        middle = self.programs[k].enclose([self.optimum, *[(0.0, 0.0)] * len(v), *parameters])
+        g = np.array([magnitude(slope.enclose([self.optimum, *v, *parameters])) for slope in self.slopes[k]])
         return meet(whole, widen(middle, float(np.sqrt(g @ np.abs(self.extent) @ g)) if len(g) else 0.0))
 
     def _parts(self, counts: dict[int, int], many: int) -> list[tuple[Range, ...]]:
