@@ -29,6 +29,7 @@ FAR = 3.0
 LARGEST_GAIN = Fraction(10) ** 15
 DELTA_ROUNDS = 16
 TIGHTENINGS = 3
+A_SHARE = 1 / 8
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
 
@@ -71,7 +72,7 @@ class _Missed:
 
 @dataclass(frozen=True)
 class _Loop:
-    """What does not depend on the saturation level; ``furthest`` is ``K`` times the largest ``|ϑ(0)|``."""
+    """What does not depend on the saturation level; ``furthest`` is the unit of saturation levels."""
 
     gains: LoopGains
     modes: Modes
@@ -97,8 +98,7 @@ class AgentTrials:
     ) -> Trial | TrialFailure:
         """Try one set of gains. A ``delta`` that is left free is the least that does, to within a factor of two; the
         search for it begins at the share of ``K |ϑ(0)|`` that did in the trial ``like``."""
-        given = [gains.g, gains.K, *(extra for extra in (gains.h, delta) if extra is not None)]
-        if max(given) > LARGEST_GAIN:
+        if max(gains.g if self.model.order > 1 else 0, gains.K, gains.h or 0, delta or 0) > LARGEST_GAIN:
             return TrialFailure(gains, f"gains above {float(LARGEST_GAIN):.0e} are beyond the search's floats")
         loop = self._loop(gains)
         if isinstance(loop, TrialFailure):
@@ -111,8 +111,8 @@ class AgentTrials:
 
     def tightened(self, trial: Trial) -> Trial:
         """The same gains with a saturation level that is less by up to a factor of two, if one does."""
-        loop = self._loop(trial.gains)
-        assert not isinstance(loop, TrialFailure)  # the trial has passed
+        comparison = Comparison(trial.kernels, self.increments, self._feedback(trial.gains))
+        loop = _Loop(trial.gains, trial.modes, comparison, self._furthest(trial.gains))
         high, low = float(trial.delta), float(trial.delta) / 2
         for _ in range(TIGHTENINGS):
             middle = _short_up(float(np.sqrt(low * high)))
@@ -176,7 +176,11 @@ class AgentTrials:
         return _Missed(reason, needed * DELTA_MARGIN)
 
     def _furthest(self, gains: LoopGains) -> float:
-        return float(gains.K) * float(self._theta(gains) @ self.initial.x)
+        """``K`` times the largest ``|ϑ(0)|``, the unit of saturation levels. Agents may start where they are asked to
+        be: then it is what the reference's way to the optimum makes of ``ϑ``, or 1 where that stands still too."""
+        theta = self._theta(gains)
+        way = float(theta[0]) * float(self.model.references.peak)
+        return float(gains.K) * (max(float(theta @ self.initial.x), A_SHARE * way) or 1.0)
 
     def _feedback(self, gains: LoopGains) -> Feedback:
         zeros = self.increments.zeros
