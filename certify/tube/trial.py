@@ -80,7 +80,8 @@ class AgentTrials:
         comparison = Comparison(majorants, self.increments, self._feedback(gains))
         if not np.all(np.isfinite(majorants.coefficients)):
             return TrialFailure(gains, "the kernels of the nominal loop could not be bounded")
-        K, furthest = float(gains.K), float(gains.K) * float(self._theta(gains) @ self.initial.x)
+        K = float(gains.K)
+        furthest = K * (float(self._theta(gains) @ self.initial.x) or 1.0)  # agents may start just where they are asked
         level = self._first_level(gains, furthest) if delta is None else float(delta)
         reason, latest = "", -1.0
         for _ in range(DELTA_ROUNDS):
@@ -109,7 +110,7 @@ class AgentTrials:
         return TrialFailure(gains, reason)
 
     def _first_level(self, gains: LoopGains, furthest: float) -> float:
-        """Half of what passed with the same ``g`` before, in units of ``K`` times the largest ``|ϑ(0)|``."""
+        """Half of what passed with the same ``g`` before, in units of ``furthest``."""
         return furthest * max(FIRST_LEVEL, self.levels.get(gains.g, 0.0) / 2)
 
     def _feedback(self, gains: LoopGains) -> Feedback:
