@@ -27,6 +27,9 @@ CLOSE = {"saturated": 0.99, "tight": 0.99, "second": 0.9, "measured": 0.7, "thir
 NOTHING = Fraction(1, 10**6)
 
 
+QUICK = ["tight", "second", "exosystem"]
+
+
 @cache
 def made(name: str) -> tuple[Tiny, Json]:
     tiny = MODELS[name][0]()
@@ -43,7 +46,7 @@ def verdict(tiny: Tiny, certificate: Json) -> str:
     return check(tiny.toml, producer.encode(certificate)).status
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", QUICK)
 def test_witnesses_at_the_limit_bound_simulated_loops(name: str) -> None:
     tiny, certificate = made(name)[0], drawn_in(name)
     assert verdict(tiny, certificate) == "verified"
@@ -57,7 +60,7 @@ def test_witnesses_at_the_limit_bound_simulated_loops(name: str) -> None:
 def test_witnesses_at_the_limit_bound_many_simulated_loops(name: str, refine: int) -> None:
     tiny, certificate = made(name)[0], drawn_in(name, refine)
     assert verdict(tiny, certificate) == "verified"
-    hold_against(tiny, certificate, (Simulation(name, seed) for seed in range(100)))
+    assert hold_against(tiny, certificate, (Simulation(name, seed) for seed in range(100))) > CLOSE[name]
 
 
 def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -70,7 +73,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
             yield from places(entry, (*path, key))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", ["tight", "exosystem"])
 def test_nothing_below_the_limit_is_verified(name: str) -> None:
     """A number of every kind, 1/1000 nearer to what it bounds; a kernel is lowered as a whole."""
     tiny, certificate = made(name)[0], drawn_in(name)
@@ -98,7 +101,8 @@ def nearer(kind: str, last: int, value: str) -> str:
     return str(number * Fraction(999, 1000))
 
 
-WIDENED = [("saturated", "p", "x1"), ("measured", "p", "x2"), ("saturated", "q", "b"), ("exosystem", "q", "b")]
+WIDENED = [("saturated", "p", "x1"), ("saturated", "q", "b"), ("exosystem", "q", "b"),
+           pytest.param("measured", "p", "x2", marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize(("name", "parameter", "slope"), WIDENED)
