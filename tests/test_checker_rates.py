@@ -1,4 +1,7 @@
-"""Every term of the rules of direct/2 that bound a speed: states of a box, moved by the plant and the controller."""
+"""Every term of the rules of direct/2 that bound a speed: states of a box, moved by the plant and the controller.
+
+And what the comparison system reaches within a step.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from typing import Any
 import direct_producer as producer
 import numpy as np
 import pytest
+from flint import arb
 
 from certify.checker.balls import BITS, precision
 from certify.checker.certificate import AgentClaim
@@ -185,3 +189,34 @@ def test_what_the_nominal_loop_leaves_out_is_below_the_forcing_of_the_tube(name:
     for found, bound, share in zip(q, bounds, [0.95] * nz + [0.6], strict=True):
         assert np.abs(found).max() <= bound * (1 + 1e-9)
         assert not case.model.sharp or np.abs(found).max() >= share * bound
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_an_output_reaches_during_a_step_is_above_all_of_it(seed: int) -> None:
+    """``Σ_a L_a + (p_a − L_a) e^(−μ_a τ)`` for parts of either sign, also where it rises and falls between the ends."""
+    random = np.random.default_rng(seed)
+    case, count = Case("third"), int(random.integers(1, 6))
+    rates = np.cumsum(np.round(random.exponential(2.0 ** random.integers(-4, 6), count), 6) + 2.0**-12)
+    case.witness.rates = tuple(Q(float(rate)) for rate in rates)
+    length = Q(float(np.round(random.exponential(1 / rates[0]), 6) + 2.0**-12))
+    case.witness.grid, case.witness.boxes = (Q(0), length), ((Q(0),) * case.outputs,)
+    case.witness.kernels = [[[Q(0)] * count] * 11] * case.outputs
+    p, phi = random.normal(size=(2, case.outputs, count)) * 10.0 ** random.integers(-2, 3, (2, case.outputs, count))
+    built = loop.build(case.agent, case.claim, case.witness)
+    nothing: Any = SimpleNamespace(during=lambda *ends: case.around, on_step=lambda *ends: None)
+    reached: list[float] = []
+    with precision(BITS):
+        tube = _Tube("agent 1", built, case.claim, case.witness, case.b, nothing, [enclose(0)] * 6)
+        tube.p = [[arb(float(entry)) for entry in row] for row in p]
+        tube.forcing = lambda *box: [[arb(float(entry)) for entry in row] for row in phi]  # type: ignore[method-assign]
+        tube.inside = lambda name, found, box: reached.extend(  # type: ignore[method-assign]
+            float(size.upper()) for size in found)
+        tube.step(0, nothing)
+        after = np.array([[float(entry) for entry in row] for row in tube.p])
+    times = np.append(0.0, np.geomspace(2.0**-16, 1.0, 4000)) * float(length)
+    limits = phi / rates
+    values = limits[:, None] + (p - limits)[:, None] * np.exp(-times[:, None] * rates)
+    highest, size = values.sum(axis=2).max(axis=1), np.abs(values).sum(axis=2).max(axis=1)
+    assert (highest <= np.array(reached) + 1e-12 * size).all()
+    assert (np.array(reached) <= highest + 0.35 * size).all()
+    assert np.allclose(after, values[:, -1], rtol=1e-9, atol=1e-9 * size.max())
