@@ -96,6 +96,14 @@ def saturated() -> Tiny:
     return replace(tiny, claim={**tiny.claim, "delta": 5}, T1=Fraction(1, 2), steps=16)
 
 
+def tight() -> Tiny:
+    """Nothing but a linear loop, an input gain and a saturation, of which the worst case is simulated at a corner."""
+    agent = 'order = 1\nf = "p*x1"\nb = "1 + q"\nuncertain = { p = [-1, 1], q = [-0.1, 0.1] }'
+    claim = {**first_order().claim, "delta": 3}
+    return Tiny(agent, 1, claim, lambda z, x, Y: ([], [[-1, 1]]), (1.0,), y0=Fraction(0), b_radius=0.1,
+                T1=Fraction(1, 2), steps=32)
+
+
 def slow() -> Tiny:
     """A loop that is slower than the coordinator's tail."""
     claim = {"g": 1, "K": 0.25, "delta": 12, "h": None, "gamma": [], "observer": [], "M": [], "N": [], "psi": []}

