@@ -326,3 +326,16 @@ def test_designs_are_left_alone_where_gains_or_the_design_are_given() -> None:
 def test_a_search_that_finds_nothing_says_why() -> None:
     found = search_gains(cast(AgentTrials, Rule(10**9, 1)), RequestedGains())
     assert isinstance(found, NoChoice) and found.reason == "too small" and found.tried >= 24
+
+
+@pytest.mark.parametrize("spread", [1.0, 3.0])
+def test_a_search_is_given_up_where_far_larger_gains_do_not_move_the_escape(spread: float) -> None:
+    class Escaping(Rule):
+        def attempt(
+            self, gains: LoopGains, delta: Fraction | None = None, like: Trial | None = None
+        ) -> Trial | TrialFailure:
+            return TrialFailure(gains, "outrun", 0.1 * spread if gains.K > 1000 else 0.1)
+
+    found = search_gains(cast(AgentTrials, Escaping(1, 1)), RequestedGains())
+    assert isinstance(found, NoChoice) and found.reason == "outrun"
+    assert found.tried <= 4 if spread == 1.0 else found.tried >= 24

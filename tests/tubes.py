@@ -144,7 +144,7 @@ class Starts:
         self.box = agent_box(self.loop.agent, self.loop.law)
         plant: Plant = self.loop.plant
         self.layers: list[UpperLayer] = [
-            upper_layer(plant, self.loop.controller, start, horizon)
+            upper_layer(plant, self.loop.controller, start, horizon, rtol=1e-12, atol=1e-14)
             for start in shared_points(plant, self.generator, 4, 4)
         ]
 

@@ -214,9 +214,9 @@ def _root_mean_square(poly: arb_poly, step: arb) -> arb:
 
 
 def _scaled(poly: arb_poly, step: arb) -> list[arb]:
-    """The coefficients in ``σ = τ/step``."""
+    """The coefficients in ``σ = τ/step``; one at least, also of the zero polynomial, which has none."""
     factor, result = arb(1), []
-    for coefficient in poly.coeffs():
+    for coefficient in poly.coeffs() or [arb(0)]:
         result.append(coefficient * factor)
         factor *= step
     return result

@@ -19,6 +19,8 @@ STRIDE = 3
 MOST_TRIALS = 60
 A_LITTLE = Fraction(5, 4)
 CLEARLY_LESS = 0.95
+AGREEING = 3
+ABOUT = 1.1
 _RUNGS = (
     "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700"
     " 1000 1500 2200 3300 5000"
@@ -174,10 +176,25 @@ class _Finder:
                     found = self.attempt(g, K, ratio)
                     if found is not None:
                         return found
+                    if self._hopeless():
+                        return self._nothing()
             if len(self.known) >= MOST_TRIALS:
                 break
+        return self._nothing()
+
+    def _nothing(self) -> NoChoice:
         reasons = [result.reason for result in self.known.values() if isinstance(result, TrialFailure)]
         return NoChoice(reasons[-1], len(self.known))
+
+    def _hopeless(self) -> bool:
+        """Whether several tubes, the last with far larger gains, grow out of bounds at about the same time: then it is
+        not the gains that make them."""
+        if self.requested.K is not None or len(self.known) != AGREEING:
+            return False
+        self.attempt(Fraction(1), HIGHER[0], FIRST_RATIOS[-1])
+        failed = [result for result in self.known.values() if isinstance(result, TrialFailure)]
+        escapes = [result.escape for result in failed if result.escape is not None]
+        return len(escapes) > AGREEING and max(escapes) < ABOUT * min(escapes)
 
     def lower_K(self, start: Trial) -> Trial:
         """Bisection on the ladder of ``K`` at the ratio and ``g`` of ``start``; then further down with larger ``g``."""

@@ -26,7 +26,7 @@ GUESS = 0.01
 PROBES = 60
 SMALLEST_STEP_RATIO = 1e-2
 GROWTH = 1.3
-MOST_STEPS = 2500
+MOST_STEPS = 1000
 LARGEST = 1e6
 TAIL_SHARES = (0.9, 0.5, 0.2)
 
@@ -61,10 +61,11 @@ class Tube:
 
 @dataclass(frozen=True)
 class TubeFailure:
-    """Where the tube could not be continued."""
+    """Where the tube could not be continued; ``settled`` if all of it is there but the tail."""
 
     time: float
     reason: str
+    settled: bool = False
 
 
 class Comparison:
@@ -137,7 +138,7 @@ def tube(
     guess = np.zeros(len(p))
     while time < surroundings.horizon:
         if len(boxes) >= MOST_STEPS:
-            return TubeFailure(time, f"more than {MOST_STEPS} steps")
+            return TubeFailure(time, f"the increments leave room for steps of {length:.1e} s only")
         length = min(length, LARGEST_STEP, max(surroundings.horizon - time, shortest) * 1.001)
         length = _short(length)
         found = _box(comparison, p, guess, surroundings.during(time, time + length), known, length)
@@ -159,7 +160,7 @@ def tube(
         length *= SHRINK if bent else GROWTH if rounds < 6 else 1.0
     tail = _tail(comparison, surroundings, p)
     if isinstance(tail, str):
-        return TubeFailure(time, tail)
+        return TubeFailure(time, tail, settled=True)
     return Tube(tuple(grid), tuple(boxes), tuple(ranges), *tail)
 
 

@@ -30,6 +30,7 @@ LARGEST_GAIN = Fraction(10) ** 15
 DELTA_ROUNDS = 16
 TIGHTENINGS = 3
 A_SHARE = 1 / 8
+PROGRESS = 1.02
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
 
@@ -55,10 +56,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class TrialFailure:
-    """The block that fails for these gains."""
+    """The block that fails for these gains; ``escape`` is the time at which the tube grew out of bounds, if it did."""
 
     gains: LoopGains
     reason: str
+    escape: float | None = None
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,7 @@ class _Missed:
     reason: str
     next_level: float
     time: float | None = None
+    escape: float | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ class AgentTrials:
             return loop
         if delta is not None:
             result = self._at(loop, delta)
-            return TrialFailure(gains, result.reason) if isinstance(result, _Missed) else result
+            return TrialFailure(gains, result.reason, result.escape) if isinstance(result, _Missed) else result
         share = FIRST_LEVEL if like is None else max(FIRST_LEVEL, float(like.delta) / self._furthest(like.gains))
         return self._least_level(loop, share)
 
@@ -125,19 +128,20 @@ class AgentTrials:
 
     def _least_level(self, loop: _Loop, share: float) -> Trial | TrialFailure:
         """Upwards to a saturation level that does, or downwards by halves from one."""
-        level, latest, reason = share * loop.furthest, -1.0, ""
+        level, reason, escape = share * loop.furthest, "", None
+        times = [0.0, 0.0]
         for _ in range(DELTA_ROUNDS):
             result = self._at(loop, _short_up(level))
             if isinstance(result, Trial):
                 return self._halved(loop, result) if not reason else result
-            level, reason = result.next_level, result.reason
+            level, reason, escape = result.next_level, result.reason, result.escape
             if result.time is not None:
-                if result.time <= latest:
+                times.append(result.time)
+                if result.time <= times[-2] or result.time < PROGRESS * times[-3]:
                     break
-                latest = result.time
             if level > LARGEST_LEVEL * loop.furthest:
                 break
-        return TrialFailure(loop.gains, reason)
+        return TrialFailure(loop.gains, reason, escape)
 
     def _halved(self, loop: _Loop, trial: Trial) -> Trial:
         while trial.delta / 2 > FIRST_LEVEL * loop.furthest:
@@ -167,7 +171,8 @@ class AgentTrials:
             return _Missed(reached.reason, max(level * DELTA_GROWTH, NEARLY * K * reached.vartheta))
         result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, FAR * level / K)
         if isinstance(result, TubeFailure):
-            return _Missed(f"at t = {result.time:.4g}: {result.reason}", level * DELTA_GROWTH, result.time)
+            reason, escape = f"at t = {result.time:.4g}: {result.reason}", None if result.settled else result.time
+            return _Missed(reason, level * DELTA_GROWTH, result.time, escape)
         trial = Trial(self.model, gains, delta, self.nominal, loop.modes, comparison.kernels, reached, result)
         needed = trial.needed * (1 + 1e-9)
         if needed <= level:
