@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 import pytest
-from tamper.bases import SMALL, Base, encode, make_base
+from tamper.bases import SMALL, Base, encode, make_base, small_plants
 from tamper.corpus import corpus, every_number
 from tamper.judge import Tally, judge
 from tamper.mutations import Mutant, at, paths, plant_edits, replaced, systematic
@@ -28,6 +28,10 @@ def base_of(name: str, route: str = "recipe") -> Base:
 @pytest.fixture(scope="module")
 def bases() -> list[Base]:
     return [base_of("small_first_order"), base_of("small_second_order")]
+
+
+def test_every_small_plant_is_certified_by_the_recipe() -> None:
+    assert len([base_of(path.stem) for path in small_plants()]) >= 5
 
 
 @pytest.mark.parametrize("count", [250, pytest.param(3000, marks=pytest.mark.slow)])
