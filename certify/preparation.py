@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import sympy
 
@@ -21,7 +22,7 @@ from certify.optimum import NoOptimumError, Optimum, optimum
 from certify.results import AgentResult, Status
 from symbolic.derivation import AgentDerivation, Derivation, derive, derive_agent
 from symbolic.internal_model import InternalModel
-from symbolic.plant import COST_VARIABLE, Agent, Interval, Plant
+from symbolic.plant import COST_VARIABLE, Agent, Exosystem, Interval, Plant
 from symbolic.steady_state import SteadyState
 
 Report = Callable[[str], None]
@@ -69,6 +70,9 @@ def prepare(
     except NoOptimumError as error:
         return Stopped("inconclusive", str(error))
     s_star = COST_VARIABLE if found.exact is None else sympy.Rational(found.exact.numerator, found.exact.denominator)
+    irrational = _irrational_exosystem(plant.exosystem)
+    if irrational:
+        return Stopped("inconclusive", irrational)
     derivation = derive(plant, s_star)
     disturbance = exosystem_bounds(plant.exosystem)
     if not isinstance(disturbance, ExosystemBounds):
@@ -120,6 +124,18 @@ def _agent_model(
         extent=disturbance.extent,
         references=References(references.peak, references.energy, references.rate_energy),
     )
+
+
+def _irrational_exosystem(exosystem: Exosystem) -> str:
+    """What a certificate cannot express about ``S``, said before any search; empty if its entries are rational."""
+    S = exosystem.S
+    for i, j in product(range(S.rows), range(S.cols)):
+        if not S[i, j].is_Rational:
+            return (
+                f"exosystem.S[{i + 1}][{j + 1}] = {S[i, j]} is not rational, and certificates need rational entries; "
+                "an oscillator of frequency w may be written [[0, 1], [-w^2, 0]] if w^2 is rational"
+            )
+    return ""
 
 
 def _curvature(cost: sympy.Expr) -> Interval:

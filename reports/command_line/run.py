@@ -27,7 +27,11 @@ def command(
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Check, derive, find gains, verify, simulate, search for counterexamples and write the report."""
+    """Do everything below and write the report.
+
+    Check, derive, find gains, verify, simulate, search for counterexamples. DIR gets certificate.json (if there is
+    one), report.pdf, summary.json, region.svg, and witness.json if a trajectory breaks the claim.
+    """
     from symbolic.plant_file import load_plant
 
     loaded = load_plant(plant)
