@@ -14,6 +14,7 @@ from certify.assumptions.check import check_assumptions
 from certify.assumptions.findings import CheckReport
 from certify.certificate import DIRECT, RECIPE, Json, canonical, claim_digest, number
 from certify.checker import check as independent_check
+from certify.coordinator.design import COARSE, FINE
 from certify.network_certificate import network_certificate
 from certify.preparation import Prepared, Report, Stopped, prepare
 from certify.recipe.route import recipe_agent
@@ -37,7 +38,8 @@ def design_gains(
     """Gains with a certificate, or what stands in the way. Gains fixed in the plant file are kept and decided as they
     are."""
     check = check if check is not None else check_assumptions(plant)
-    prepared = prepare(plant, check, progress, PROVED_ON_THE_WAY[route])
+    resolution = COARSE if route == "recipe" else FINE
+    prepared = prepare(plant, check, progress, PROVED_ON_THE_WAY[route], resolution)
     if isinstance(prepared, Stopped):
         return _without_certificate(prepared.status, prepared.reason, route, prepared.agents)
     outcomes = _tubes(prepared, progress) if route == "direct" else _recipes(prepared, progress)

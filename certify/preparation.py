@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import product
 
 import sympy
@@ -11,7 +12,7 @@ import sympy
 from certify.agent_model import AgentModel, References
 from certify.assumptions.findings import CheckReport
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
-from certify.coordinator.design import CoordinatorDesign, design_coordinator, gradients_at
+from certify.coordinator.design import FINE, CoordinatorDesign, design_coordinator, gradients_at
 from certify.coordinator.nominal import cost_gradient
 from certify.coordinator.stability import Unstable
 from certify.curvature import Curvature, cost_curvature
@@ -56,7 +57,11 @@ class Stopped:
 
 
 def prepare(
-    plant: Plant, check: CheckReport, report: Report, optional: frozenset[str] = frozenset()
+    plant: Plant,
+    check: CheckReport,
+    report: Report,
+    optional: frozenset[str] = frozenset(),
+    resolution: Fraction = FINE,
 ) -> Prepared | Stopped:
     """Everything up to the choice of gains; the exact linear condition on requested gains comes first.
 
@@ -87,7 +92,7 @@ def prepare(
 
     curvatures = [_curvature(agent.cost) for agent in plant.agents]
     gradients = gradients_at([cost_gradient(agent.cost) for agent in plant.agents], found.enclosure)
-    coordinator = design_coordinator(plant, found.enclosure, gradients, curvatures, report)
+    coordinator = design_coordinator(plant, found.enclosure, gradients, curvatures, report, resolution)
     if isinstance(coordinator, Unstable):
         return Stopped("inconclusive", f"coordinator: {coordinator.reason}", linear)
     models = tuple(

@@ -108,7 +108,7 @@ WITNESS_OF_SECOND: dict[str, Callable[[Json], Any]] = {
     "step 0": lambda c: c["witness"]["coordinator"].update(step="0"),
     "step huge": lambda c: c["witness"]["coordinator"].update(step=HUGE),
     "no steps": lambda c: c["witness"]["coordinator"].update(steps="0"),
-    "one step": lambda c: c["witness"]["coordinator"].update(steps="1"),
+    "one short step": lambda c: c["witness"]["coordinator"].update(step="1/64", steps="1"),
     "most steps": lambda c: c["witness"]["coordinator"].update(steps="1000000"),
     "rate negative": lambda c: c["witness"]["coordinator"].update(rate="-1"),
     "rate beyond the truth": lambda c: c["witness"]["coordinator"].update(rate="11/10"),

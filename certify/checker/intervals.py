@@ -38,11 +38,11 @@ class Interval:
 
     @property
     def lo(self) -> Fraction:
-        return self.a * Fraction(2) ** self.e
+        return _dyadic(self.a, self.e)
 
     @property
     def hi(self) -> Fraction:
-        return self.b * Fraction(2) ** self.e
+        return _dyadic(self.b, self.e)
 
     @property
     def lower(self) -> Interval:
@@ -117,7 +117,9 @@ class Interval:
         if exponent % 2 == 0 and self.a < 0:
             inner = 0 if self.b >= 0 else -self.b
             return Interval(inner, max(-self.a, self.b), self.e) ** exponent
-        return hull(_point_power(self.lower, exponent), _point_power(self.upper, exponent))
+        if self.a >= 0:
+            return _power(self, exponent)
+        return hull(_power(self.lower, exponent), _power(self.upper, exponent))
 
     def sqrt(self) -> Interval:
         if self.a < 0:
@@ -218,14 +220,16 @@ def _at(mantissa: int, shift: int) -> int:
     return mantissa << shift if shift >= 0 else mantissa >> -shift
 
 
-def _point_power(x: Interval, exponent: int) -> Interval:
-    result = None
-    while exponent:
-        if exponent % 2:
-            result = x if result is None else result * x
-        exponent //= 2
-        x = x * x if exponent else x
-    return result if result is not None else Interval(1, 1)
+def _dyadic(mantissa: int, e: int) -> Fraction:
+    return Fraction(mantissa << e) if e >= 0 else Fraction(mantissa, 1 << -e)
+
+
+def _power(x: Interval, exponent: int) -> Interval:
+    """By multiplications, for a point or nonnegative numbers."""
+    if exponent == 1:
+        return x
+    root = _power(x, exponent // 2)
+    return root * root * x if exponent % 2 else root * root
 
 
 def _exp(x: Interval) -> Interval:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from math import lcm
+from operator import mul
+from typing import TypeVar
 
 from certify.checker.verdict import Undecided, spend
 
+Q = TypeVar("Q", int, Fraction)
 Row = Sequence[Fraction]
 Matrix = Sequence[Row]
 
@@ -22,16 +25,19 @@ def transpose(A: Matrix) -> Matrix:
 
 def product(A: Matrix, B: Matrix) -> Matrix:
     spend(10 * len(A) * len(B) * (len(B[0]) if B else 0))
-    columns = transpose(B)
-    return [[dot(row, column) for column in columns] for row in A]
+    (left, p), (right, q) = integers(A), integers(B)
+    columns = list(zip(*right, strict=True))
+    return [[Fraction(dot(row, column), p * q) for column in columns] for row in left]
 
 
 def apply(A: Matrix, x: Row) -> list[Fraction]:
     return [dot(row, x) for row in A]
 
 
-def dot(x: Row, y: Row) -> Fraction:
-    return sum((a * b for a, b in zip(x, y, strict=True)), Fraction(0))
+def dot(x: Sequence[Q], y: Sequence[Q]) -> Q:
+    if len(x) != len(y):
+        raise ValueError("a product of vectors of different lengths")
+    return sum(map(mul, x, y))
 
 
 def combine(a: Fraction | int, A: Matrix, b: Fraction | int, B: Matrix) -> Matrix:
@@ -46,6 +52,12 @@ def is_symmetric(A: Matrix) -> bool:
 def row_sum_bound(A: Matrix) -> Fraction:
     """``⌈A⌉ = max_j Σ_k |A_jk|``, which is at least the largest eigenvalue of a symmetric matrix."""
     return max((sum((abs(entry) for entry in row), Fraction(0)) for row in A), default=Fraction(0))
+
+
+def integers(A: Matrix) -> tuple[list[list[int]], int]:
+    """Integer entries over one denominator."""
+    scale = common_denominator(A)
+    return [[entry.numerator * (scale // entry.denominator) for entry in row] for row in A], scale
 
 
 def common_denominator(A: Matrix) -> int:
@@ -63,8 +75,7 @@ def definiteness(A: Matrix) -> str:
 
     Fraction-free elimination; a zero pivot is allowed only if the rest of its row is zero, and is then left out.
     """
-    scale = common_denominator(A)
-    B = [[int(entry * scale) for entry in row] for row in A]
+    B, _ = integers(A)
     n, previous, verdict = len(B), 1, "positive"
     for k in range(n):
         pivot = B[k][k]
@@ -91,22 +102,21 @@ def is_nonnegative(A: Matrix) -> bool:
 
 
 def solve(A: Matrix, B: Matrix) -> Matrix:
-    """The ``X`` with ``A X = B``. Raises ``Undecided`` if ``A`` is singular."""
-    n = len(A)
-    rows = [[*left, *right] for left, right in zip(A, B, strict=True)]
+    """The ``X`` with ``A X = B``, by fraction-free elimination. Raises ``Undecided`` if ``A`` is singular."""
+    n, pivot = len(A), 1
+    rows, _ = integers([[*left, *right] for left, right in zip(A, B, strict=True)])
     for k in range(n):
         best = next((i for i in range(k, n) if rows[i][k]), None)
         if best is None:
             raise Undecided("a matrix is singular")
         rows[k], rows[best] = rows[best], rows[k]
-        pivot = rows[k][k]
-        spend(n * len(rows[0]) * (10 + (pivot.denominator.bit_length() // 64) ** 2))
-        rows[k] = [entry / pivot for entry in rows[k]]
+        previous, pivot = pivot, rows[k][k]
+        spend(n * len(rows[0]) * (10 + (pivot.bit_length() // 64) ** 2))
         for i in range(n):
-            if i != k and rows[i][k]:
+            if i != k:
                 factor = rows[i][k]
-                rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
-    return [row[n:] for row in rows]
+                rows[i] = [(pivot * x - factor * y) // previous for x, y in zip(rows[i], rows[k], strict=True)]
+    return [[Fraction(entry, pivot) for entry in row[n:]] for row in rows]
 
 
 def inverse(A: Matrix) -> Matrix:

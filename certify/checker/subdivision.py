@@ -49,8 +49,9 @@ def value_range(function: Callable[[Box], Interval], box: Box, names: Collection
 
 
 def halves(box: Box, name: str) -> list[Box]:
-    lo, hi = box[name].lo, box[name].hi
-    return [{**box, name: part} for part in (between(lo, (lo + hi) / 2), between((lo + hi) / 2, hi))]
+    x = box[name]
+    middle = x.a + x.b
+    return [{**box, name: Interval(a, b, x.e - 1)} for a, b in ((2 * x.a, middle), (middle, 2 * x.b))]
 
 
 class _Piece:
@@ -59,9 +60,10 @@ class _Piece:
     def __init__(self, function: Callable[[Box], Interval], box: Box, patience: int) -> None:
         self.function, self.box, self.patience = function, box, patience
         self.bound: Fraction | None = None
-        self.reason = ""
+        self.exact, self.reason = False, ""
         try:
-            self.bound = function(box).hi
+            value = function(box)
+            self.bound, self.exact = value.hi, value.a == value.b
         except Undecided as reason:
             self.reason = str(reason)
 
@@ -71,7 +73,7 @@ class _Piece:
     def best_halves(self, names: Collection[str]) -> list[_Piece]:
         """The halves with the least bounds; if no direction helps, those of the widest, with less patience."""
         wide = sorted(name for name in names if name in self.box and self.box[name].a < self.box[name].b)
-        if not wide:
+        if not wide or self.exact:
             return []
         choices = {name: [_Piece(self.function, half, PATIENCE) for half in halves(self.box, name)] for name in wide}
         best = min(wide, key=lambda name: max(piece.order() for piece in choices[name]))

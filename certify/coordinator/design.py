@@ -16,6 +16,7 @@ from symbolic.plant import Interval, Plant
 
 CANDIDATES = tuple((Fraction(a), Fraction(b)) for a, b in ((1, 1), (2, 1), (3, 2), (5, 5)))
 LIFETIMES = 14
+FINE, COARSE = Fraction(1, 3), Fraction(13, 4)  # largest step times fastest rate; COARSE is for means, not for peaks
 LARGEST_GRID = 4096
 COARSE_GRID = 256
 
@@ -46,6 +47,7 @@ def design_coordinator(
     optimal_gradients: Sequence[Interval],
     curvatures: Sequence[Interval],
     report: Callable[[str], None] = lambda message: None,
+    resolution: Fraction = FINE,
 ) -> CoordinatorDesign | Unstable:
     """The pair given in the plant file, or the candidate whose references move least (``Σ ∫ (ẏ^r)²``), proved stable.
 
@@ -58,7 +60,7 @@ def design_coordinator(
 
     def attempt(alpha: tuple[Fraction, Fraction], limit: int) -> CoordinatorDesign | Unstable:
         model = CoordinatorModel(L, r, alpha[0], alpha[1], costs)
-        step, steps = _grid(model, curvatures, horizon, limit)
+        step, steps = _grid(model, curvatures, horizon, limit, resolution)
         grid = mixing(L, r, step, steps)
         if not all(low > 0 for low in grid.smallest):
             return Unstable(f"ξ is not bounded away from zero on a grid of {steps} steps", 0)
@@ -72,17 +74,20 @@ def design_coordinator(
     pairs = _pairs(plant)
     if len(pairs) == 1:
         return attempt(pairs[0], LARGEST_GRID)
-    rough: dict[tuple[Fraction, Fraction], Fraction] = {}
+    rough: list[CoordinatorDesign] = []
     for pair in pairs:
         report(f"coordinator: α1 = {pair[0]}, α2 = {pair[1]}")
         result = attempt(pair, COARSE_GRID)
         if isinstance(result, CoordinatorDesign):
-            rough[pair] = sum((agent.rate_energy for agent in result.envelope.agents), Fraction(0))
+            rough.append(result)
     if not rough:
         return Unstable(
             "no pair α1, α2 was proved stable; tried " + ", ".join(f"({a}, {b})" for a, b in pairs), len(pairs)
         )
-    return attempt(min(rough, key=lambda pair: rough[pair]), LARGEST_GRID)
+    best = min(rough, key=lambda design: sum(agent.rate_energy for agent in design.envelope.agents))
+    if best.mixing.step == _grid(best.model, curvatures, horizon, LARGEST_GRID, resolution)[0]:
+        return best
+    return attempt((best.model.alpha1, best.model.alpha2), LARGEST_GRID)
 
 
 def _pairs(plant: Plant) -> tuple[tuple[Fraction, Fraction], ...]:
@@ -91,15 +96,15 @@ def _pairs(plant: Plant) -> tuple[tuple[Fraction, Fraction], ...]:
 
 
 def _grid(
-    model: CoordinatorModel, curvatures: Sequence[Interval], horizon: Fraction, limit: int
+    model: CoordinatorModel, curvatures: Sequence[Interval], horizon: Fraction, limit: int, resolution: Fraction
 ) -> tuple[Fraction, int]:
-    """A dyadic step that resolves the fastest rate of the coordinator, unless ``limit`` steps do not suffice for the
-    horizon."""
+    """A dyadic step that resolves the fastest rate of the coordinator, and with ``‖L step‖ ≤ 1``, unless ``limit``
+    steps do not suffice for the horizon."""
     degree = max(row[i] for i, row in enumerate(model.laplacian))
     damping = max(curvature.hi / r for curvature, r in zip(curvatures, model.left_null_vector, strict=True))
     fastest = 2 * max(model.alpha1, Fraction(1)) * degree + damping
     step = Fraction(1)
-    while step * fastest > Fraction(1, 3):
+    while step * max(fastest / resolution, 2 * degree) > 1:
         step /= 2
     while horizon / step > limit:
         step *= 2

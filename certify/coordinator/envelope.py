@@ -9,10 +9,10 @@ from fractions import Fraction
 
 from flint import arb, arb_mat, arb_poly, ctx
 
-from certify.bounds.balls import PRECISION, to_arb, to_interval, upper
+from certify.bounds.balls import PRECISION, lower, to_arb, upper
 from certify.bounds.rationals import round_up
 from certify.coordinator.mixing import Mixing, Rows
-from certify.coordinator.nominal import CoordinatorModel, Segment, magnitude, nominal_trajectory
+from certify.coordinator.nominal import CoordinatorModel, Segment, nominal_trajectory
 from symbolic.plant import Interval
 
 REPORT_BITS = 48
@@ -167,16 +167,21 @@ def _agent(
     kappa = norm.inverse[index, index].upper().sqrt().upper()
     nu = max(norm.dual(_closed_loop_row(index, model, end)) for end in _ends(comparison.damping[index]))
     ys, rates, references = [], [], []
+    squares = rate_squares = arb(0)
     for segment, deviation in zip(segments, deviations, strict=True):
         poly = segment.reference[index]
-        spread = magnitude(poly - poly[0], step) + kappa * deviation
-        references.append(to_interval(poly[0] + arb(0, spread.upper())))
-        ys.append((_departure(poly, target, step) + kappa * deviation).upper())
-        rates.append((magnitude(poly.derivative(), step) + segment.defect[index] + nu * deviation).upper())
+        spread, drift = kappa * deviation, segment.defect[index] + nu * deviation
+        rate = poly.derivative()
+        (low, high), (least, most) = _extremes(poly, step), _extremes(rate, step)
+        references.append(Interval(lower(low - spread), upper(high + spread)))
+        ys.append((max((high - target).upper(), (target - low).upper()) + spread).upper())
+        rates.append((max(-least, most) + drift).upper())
+        squares += (_root_mean_square(poly - target, step) + spread) ** 2
+        rate_squares += (_root_mean_square(rate, step) + drift) ** 2
     tail_y, tail_rate = (kappa * tail).upper(), (nu * tail + forcing).upper()
     lifetime = 1 / (2 * to_arb(decay))
-    energy = step * sum((y * y for y in ys), arb(0)) + tail_y**2 * lifetime
-    rate_energy = step * sum((z * z for z in rates), arb(0)) + tail_rate**2 * lifetime
+    energy = step * squares + tail_y**2 * lifetime
+    rate_energy = step * rate_squares + tail_rate**2 * lifetime
     return AgentEnvelope(
         reference=tuple(references),
         deviation=tuple(_short(y) for y in ys),
@@ -192,8 +197,29 @@ def _agent(
     )
 
 
-def _departure(poly: arb_poly, target: arb, step: arb) -> arb:
-    return (abs(poly[0] - target).upper() + magnitude(poly - poly[0], step)).upper()
+def _extremes(poly: arb_poly, step: arb) -> tuple[arb, arb]:
+    """Bounds of the polynomial on ``[0, step]``."""
+    start, *rest = _scaled(poly, step)
+    zero = arb(0)
+    falls = sum((min(c.lower(), zero) for c in rest), zero)
+    rises = sum((max(c.upper(), zero) for c in rest), zero)
+    return (start + falls).lower(), (start + rises).upper()
+
+
+def _root_mean_square(poly: arb_poly, step: arb) -> arb:
+    """No less than the root of the mean square on ``[0, step]``: the terms up to the square exactly, others by size."""
+    a, b, c, *rest = [*_scaled(poly, step), arb(0), arb(0), arb(0)]
+    square = a * a + a * b + (b * b + 2 * a * c) / 3 + b * c / 2 + c * c / 5
+    return (square.upper().sqrt() + sum((abs(entry) for entry in rest), arb(0))).upper()
+
+
+def _scaled(poly: arb_poly, step: arb) -> list[arb]:
+    """The coefficients in ``σ = τ/step``."""
+    factor, result = arb(1), []
+    for coefficient in poly.coeffs():
+        result.append(coefficient * factor)
+        factor *= step
+    return result
 
 
 def _closed_loop_row(index: int, model: CoordinatorModel, damping: arb) -> list[arb]:

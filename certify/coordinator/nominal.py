@@ -18,7 +18,7 @@ from certify.bounds.balls import PRECISION, Program, compile_expression, to_arb
 from certify.coordinator.mixing import Mixing, Rows
 from symbolic.plant import COST_VARIABLE
 
-TAYLOR_ORDER = 4
+TAYLOR_ORDER = 6
 
 
 @dataclass(frozen=True)
@@ -178,19 +178,10 @@ class _Stepper:
 
     def _size(self, poly: arb_poly) -> arb:
         """``sup |poly|`` on ``[0, step]``."""
-        return _horner_of_magnitudes(poly, self.step)
-
-
-def magnitude(poly: arb_poly, step: arb) -> arb:
-    """An upper bound of ``|poly|`` on ``[0, step]``: ``Σ |coefficient| step^j``."""
-    return _horner_of_magnitudes(poly, step)
-
-
-def _horner_of_magnitudes(poly: arb_poly, step: arb) -> arb:
-    total = arb(0)
-    for coefficient in reversed(poly.coeffs()):
-        total = total * step + abs(coefficient).upper()
-    return total.upper()
+        total = arb(0)
+        for coefficient in reversed(poly.coeffs()):
+            total = total * self.step + abs(coefficient).upper()
+        return total.upper()
 
 
 def _matrix(rows: Rows, factor: Fraction) -> list[list[arb]]:

@@ -23,7 +23,7 @@ from certify.checker.verdict import Malformed, Rejected, Undecided, obligation, 
 
 ZERO = Interval(0, 0)
 MAX_FREE_ENTRIES = 12
-STEADY_STATE_CUTS = 12
+STEADY_STATE_CUTS = 8
 
 
 def prove_design(agent: Agent, claim: AgentClaim, witness: AgentWitness) -> None:

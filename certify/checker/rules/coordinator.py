@@ -10,10 +10,10 @@ from math import ceil, floor, isqrt
 from certify.checker import linear
 from certify.checker.certificate import Certificate
 from certify.checker.intervals import Interval, enclose, maximum, total
-from certify.checker.linear import Matrix
+from certify.checker.linear import Matrix, dot
 from certify.checker.plant import Plant
 from certify.checker.rules.assumptions import Facts
-from certify.checker.rules.mixing import SCALE, UNIT, Mixing, dot, fixed_down, fixed_up, point
+from certify.checker.rules.mixing import SCALE, UNIT, Mixing, fixed_down, fixed_up, point
 from certify.checker.rules.reference import Reference, Step
 from certify.checker.rules.trajectory import Segment, Stepper
 from certify.checker.verdict import Malformed, Undecided, obligation, require, spend
@@ -45,6 +45,15 @@ def prove(plant: Plant, certificate: Certificate, facts: Facts) -> tuple[AgentEn
         return rule.envelopes()
 
 
+@dataclass(frozen=True)
+class Reached:
+    """One agent on one step, in units: its bounds, and the roots of the mean squares of distance and speed."""
+
+    step: Step
+    mean_distance: int
+    mean_speed: int
+
+
 class Norm:
     """``‖e‖_P ≤ √(mag(e)ᵀ|P|mag(e))`` for vectors of fixed-point magnitudes."""
 
@@ -54,6 +63,19 @@ class Norm:
     def __call__(self, sizes: Sequence[int]) -> int:
         square = sum(size * dot(row, sizes) for size, row in zip(sizes, self.weights, strict=True))
         return isqrt(square >> SCALE) + 1
+
+
+def extremes(polynomial: Sequence[int]) -> tuple[int, int]:
+    """Bounds of the polynomial on ``[0, 1]``."""
+    start, *rest = polynomial
+    return start + sum(c for c in rest if c < 0), start + sum(c for c in rest if c > 0)
+
+
+def root_mean_square(polynomial: Sequence[int]) -> int:
+    """No less than the root of the mean square on ``[0, 1]``: the terms up to ``σ²`` exactly, the others by size."""
+    a, b, c, *rest = polynomial
+    square = 30 * a * (a + b) + 10 * (b * b + 2 * a * c) + 15 * b * c + 6 * c * c
+    return isqrt(square // 30 + 1) + 1 + sum(map(abs, rest))
 
 
 class _Coordinator:
@@ -80,20 +102,16 @@ class _Coordinator:
         require(linear.is_nonnegative(left), "mixing: Rm L + LᵀRm ⪰ 2λ̂(Rm − r rᵀ)", rate=self.mixing_rate)
 
     def walk_mixing(self) -> None:
-        """Every ``ξ_i^i`` on every step, its range over all time, and the box of ``D``."""
+        """Every ``ξ_i^i`` on every step, its least value ever, and the box of ``D``. The largest is 1, at ``t = 0``."""
         n = self.size
         spend(self.steps * (n**2 * (4 * n + 150) + 2_000))  # time, and memory of what is kept of a step
         mixing = Mixing(self.L, self.step)
         self.mixing = [mixing.advance() for _ in range(self.steps)]
         self.at_end = mixing
-        later = [mixing.range_later(i) for i in range(n)]
-        self.xi_min = [min(later[i][0], *(step.low[i] for step in self.mixing)) for i in range(n)]
+        self.xi_min = [min(mixing.low_later(i), *(step.low[i] for step in self.mixing)) for i in range(n)]
         require(min(self.xi_min) > 0, "mixing: ξ_min > 0", xi_min=[Fraction(low, UNIT) for low in self.xi_min])
-        self.damping = []
-        for i, cost in enumerate(self.facts.costs):
-            high = max(later[i][1], *(step.high[i] for step in self.mixing))
-            ends = cost.least * UNIT / high, cost.largest * UNIT / self.xi_min[i]
-            self.damping.append((_short(ends[0], floor), _short(ends[1], ceil)))
+        self.damping = [(_short(cost.least, floor), _short(cost.largest * UNIT / low, ceil))
+                        for cost, low in zip(self.facts.costs, self.xi_min, strict=True)]
 
     def system(self, damping: Sequence[Fraction]) -> Matrix:
         """``A(D) = [[−α1 L − D, −α2 B], [α1 L_(1…N−1), 0]]``."""
@@ -119,45 +137,47 @@ class _Coordinator:
         """The walk along the grid: nominal trajectory, deviation from it, and the tail."""
         inverse = linear.inverse(self.P)
         self.kappa = [enclose(inverse[i][i]).sqrt().upper for i in range(self.size)]
-        self.nu = [maximum(*(enclose(linear.dot(row, linear.apply(inverse, row))).sqrt() for row in self.rows_of(i)))
-                   for i in range(self.size)]
+        forms = [self.dual_forms(inverse, ends) for ends in zip(*self.damping, strict=True)]
+        self.nu = [maximum(*(enclose(form).sqrt() for form in pair)) for pair in zip(*forms, strict=True)]
         kappa, nu = [[fixed_up(entry) for entry in entries] for entries in (self.kappa, self.nu)]
         decay = enclose(-self.rate * self.step).exp()
         factors = fixed_down(decay), fixed_up(decay)
         consensus, feedback = ([[a * self.step * entry for entry in row] for row in matrix]
                                for a, matrix in ((self.a1, self.L), (self.a2, self.B)))
         stepper = Stepper(self.facts.costs, consensus, feedback, self.step)
-        steps = [list[Step]() for _ in range(self.size)]
+        reached = [list[Reached]() for _ in range(self.size)]
         y, omega = [floor((lo + hi) / 2 * UNIT) for lo, hi in self.boxes], [0] * (self.size - 1)
         radii = [max(ceil(hi * UNIT) - m, m - floor(lo * UNIT)) for (lo, hi), m in zip(self.boxes, y, strict=True)]
         w = self.norm(radii + omega)
         for mixing in self.mixing:
             segment = stepper.advance(mixing, y, omega)
             forced = self.norm(segment.defects) * self.rate.denominator // self.rate.numerator + 1
-            for i, found in enumerate(steps):
+            for i, found in enumerate(reached):
                 found.append(self.reach(segment, i, kappa[i], nu[i], max(w, forced)))
             w = max(e * w + (UNIT - e) * forced for e in factors) // UNIT + 1
             y, omega = [sum(poly) for poly in segment.y], [sum(poly) for poly in segment.omega]
             if max(map(int.bit_length, y + omega)) > LARGEST_BITS:
                 raise Undecided("the nominal trajectory grows out of range")
-        return self.tail(point(w), y, omega, steps)
+        return self.tail(point(w), y, omega, reached)
 
-    def rows_of(self, i: int) -> list[Sequence[Fraction]]:
-        """Row ``i`` of ``A(D)`` at both ends of ``D_i``."""
-        return [self.system([ends[side] for ends in self.damping])[i] for side in (0, 1)]
+    def dual_forms(self, inverse: Matrix, damping: Sequence[Fraction]) -> list[Fraction]:
+        """``a P⁻¹ aᵀ`` for every row ``a`` of ``A(D)`` that belongs to a ``y_i``."""
+        rows = self.system(damping)[: self.size]
+        return [dot(row, image) for row, image in zip(rows, linear.product(rows, inverse), strict=True)]
 
-    def reach(self, segment: Segment, i: int, kappa: int, nu: int, deviation: int) -> Step:
-        """``|ỹ_i| ≤ max|ŷ_i − s*| + κ_i W_k`` and ``|ẏ_i^r| ≤ max|ŷ_i'| + |ρ_i| + ν_i W_k`` on a step."""
-        start, *rest = segment.y[i]
+    def reach(self, segment: Segment, i: int, kappa: int, nu: int, deviation: int) -> Reached:
+        """``|ỹ_i| ≤ |ŷ_i − s*| + κ_i W_k`` and ``|ẏ_i^r| ≤ |ŷ_i'| + |ρ_i| + ν_i W_k`` on a step."""
+        y, (lowest, highest) = segment.y[i], self.optimum
+        rate = [j * c * self.step.denominator // self.step.numerator for j, c in enumerate(y[1:], 1)]
+        (low, high), (least, most) = extremes(y), extremes(rate)
         spread = (kappa * deviation >> SCALE) + 1
-        gap = max(start - self.optimum[0], self.optimum[1] - start)
-        distance = gap + sum(map(abs, rest)) + spread
-        climb = sum(j * abs(c) for j, c in enumerate(rest, 1)) * self.step.denominator // self.step.numerator + 1
-        speed = climb + segment.defects[i] + (nu * deviation >> SCALE) + 1
-        low, high = (start + sum(bound(c, 0) for c in rest) for bound in (min, max))
-        return Step(low - spread, high + spread, distance, speed)
+        drift = segment.defects[i] + (nu * deviation >> SCALE) + len(y)  # and the rounding of the rate
+        step = Step(low - spread, high + spread, max(high - lowest, highest - low) + spread, max(-least, most) + drift)
+        mean_distance = root_mean_square([y[0] - lowest, *y[1:]]) + highest - lowest + spread
+        return Reached(step, mean_distance, root_mean_square(rate) + drift)
 
-    def tail(self, w: Interval, y: list[int], omega: list[int], steps: list[list[Step]]) -> tuple[AgentEnvelope, ...]:
+    def tail(self, w: Interval, y: list[int], omega: list[int], reached: list[list[Reached]]
+             ) -> tuple[AgentEnvelope, ...]:
         """From ``T0`` on around the equilibrium: ``‖x‖_P ≤ M1 e^(−λ'(t−T0))``."""
         r, slopes, rate = self.r, self.facts.optimal_slopes, min(self.rate, self.mixing_rate) / 2
         forcing = []
@@ -171,13 +191,14 @@ class _Coordinator:
         forced = point(self.norm([fixed_up(entry) for entry in forcing] + [0] * (self.size - 1)))
         M1 = (w + gap + forced / (self.rate - rate)).upper
         result = []
-        for found, kappa, nu, p in zip(steps, self.kappa, self.nu, forcing, strict=True):
+        for found, kappa, nu, p in zip(reached, self.kappa, self.nu, forcing, strict=True):
             distance, speed = kappa * M1, nu * M1 + p
-            reference = Reference(self.facts.optimum, self.step, found, distance.upper, speed.upper, rate)
+            steps = [entry.step for entry in found]
+            reference = Reference(self.facts.optimum, self.step, steps, distance.upper, speed.upper, rate)
             squares, speeds = (self.step * Interval(n, n, -2 * SCALE) for n in (
-                sum(step.distance**2 for step in found), sum(step.speed**2 for step in found)))
+                sum(entry.mean_distance**2 for entry in found), sum(entry.mean_speed**2 for entry in found)))
             energy, speed_energy = squares + distance**2 / (2 * rate), speeds + speed**2 / (2 * rate)
-            peak = maximum(point(max(step.distance for step in found)), distance)
+            peak = maximum(point(max(step.distance for step in steps)), distance)
             result.append(AgentEnvelope(peak, energy.upper, speed_energy.upper, reference))
         return tuple(result)
 

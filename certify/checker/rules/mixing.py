@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, factorial, floor
-from operator import mul
 
 from certify.checker import linear
 from certify.checker.intervals import Interval
-from certify.checker.linear import Matrix
+from certify.checker.linear import Matrix, dot
 from certify.checker.verdict import require
 
 SCALE = 192
 UNIT = 1 << SCALE
 TERMS = 50  # of the series of e^(−LΔ): 3/50! < 2^−192
-ORDER = 4  # of the polynomials in the time within a step
+ORDER = 6  # of the polynomials in the time within a step
 
 
 def fixed_up(value: Interval | Fraction) -> int:
@@ -32,18 +30,11 @@ def point(value: int, error: int = 0) -> Interval:
     return Interval(value - error, value + error, -SCALE)
 
 
-def dot(x: Sequence[int], y: Sequence[int]) -> int:
-    if len(x) != len(y):
-        raise ValueError("a product of vectors of different lengths")
-    return sum(map(mul, x, y))
-
-
 @dataclass(frozen=True)
 class StepOfMixing:
-    """All ``ξ_i^i`` on one step: their ranges, and polynomials in ``σ = τ/Δ ∈ [0, 1]`` within ``error`` units."""
+    """All ``ξ_i^i`` on one step: lower bounds, and polynomials in ``σ = τ/Δ ∈ [0, 1]`` within ``error`` units."""
 
     low: list[int]
-    high: list[int]
     taylor: list[list[int]]
     error: int
 
@@ -58,8 +49,7 @@ class Mixing:
         n = self.size = len(L)
         self.norm = linear.row_sum_bound(L) * step
         require(step > 0 and self.norm <= 1, "mixing: Δ > 0, ‖LΔ‖ ≤ 1", norm=self.norm)
-        q = linear.common_denominator([[entry * step for entry in row] for row in L])
-        generator = [[int(entry * step * q) for entry in row] for row in L]
+        generator, q = linear.integers([[entry * step for entry in row] for row in L])
         self.X = [[UNIT * (i == j) for j in range(n)] for i in range(n)]
         self.error = 0
         self.terms = [self.X]
@@ -68,13 +58,13 @@ class Mixing:
             self.terms.append([[-dot(row, column) // (q * j) for column in columns] for row in generator])
         self.flow = [[sum(term[i][j] for term in self.terms) for j in range(n)] for i in range(n)]
         self.error_of_flow = TERMS * TERMS  # the sum of all j, and less than one unit for the remainder 3/TERMS!
-        self.remainder = fixed_up(self.norm ** (ORDER + 1) / factorial(ORDER + 1))
         self.keep = [max(0, fixed_down(1 - L[i][i] * step)) for i in range(n)]
+        self.remainder = fixed_up(self.norm ** (ORDER + 1) / factorial(ORDER + 1))
 
     def advance(self) -> StepOfMixing:
         """One step. ``X ← e^(−LΔ) X``: the rows of the factor sum to 1, so the error so far is not amplified."""
-        low, high = zip(*map(self.range_now, range(self.size)), strict=True)
-        step = StepOfMixing(list(low), list(high), list(map(self.taylor, range(self.size))), self.taylor_error())
+        agents = range(self.size)
+        step = StepOfMixing(list(map(self.low_now, agents)), list(map(self.taylor, agents)), self.taylor_error())
         columns = list(zip(*self.X, strict=True))
         self.X = [[dot(row, column) >> SCALE for column in columns] for row in self.flow]
         self.error += 2 * self.size * self.error_of_flow + 1
@@ -83,16 +73,14 @@ class Mixing:
     def column(self, i: int) -> list[int]:
         return [row[i] for row in self.X]
 
-    def range_now(self, i: int) -> tuple[int, int]:
-        """``ξ_i^i`` during the step: a mean of column ``i`` in which entry ``i`` weighs at least ``1 − L_ii Δ``."""
-        column, keep, own = self.column(i), self.keep[i], self.X[i][i]
-        lo, hi = (keep * own + (UNIT - keep) * end >> SCALE for end in (min(column), max(column)))
-        return lo - self.error - 1, hi + self.error + 2
+    def low_now(self, i: int) -> int:
+        """Below ``ξ_i^i`` on the step: a mean of column ``i`` in which entry ``i`` weighs at least ``1 − L_ii Δ``."""
+        column, keep = self.column(i), self.keep[i]
+        return (keep * column[i] + (UNIT - keep) * min(column) >> SCALE) - self.error - 1
 
-    def range_later(self, i: int) -> tuple[int, int]:
-        """``ξ_i^i`` from now on: a mean of column ``i``."""
-        column = self.column(i)
-        return min(column) - self.error, max(column) + self.error
+    def low_later(self, i: int) -> int:
+        """Below ``ξ_i^i`` from now on: a mean of column ``i``."""
+        return min(self.column(i)) - self.error
 
     def taylor(self, i: int) -> list[int]:
         """``ξ_i^i`` during the step, within ``taylor_error`` units."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from math import floor, lcm
-from operator import sub
+from operator import add, sub
 
 from certify.checker import linear
-from certify.checker.linear import Matrix
+from certify.checker.linear import Matrix, dot
 from certify.checker.rules.costs import Cost
-from certify.checker.rules.mixing import ORDER, SCALE, UNIT, StepOfMixing, dot, fixed_down, fixed_up, point
+from certify.checker.rules.mixing import ORDER, SCALE, UNIT, StepOfMixing, fixed_down, fixed_up, point
 
 SLOPE_BITS = 64
 
@@ -46,40 +46,38 @@ class Stepper:
         """``consensus = α1ΔL`` and ``feedback = α2ΔB``."""
         self.costs = costs
         q = self.q = lcm(*map(linear.common_denominator, (consensus, feedback)), step.denominator)
-        self.consensus = [[int(entry * q) for entry in row] for row in consensus]
-        self.feedback = [[int(entry * q) for entry in row] for row in feedback]
+        self.consensus = [[int(entry * q) for entry in row] for row in consensus[:-1]]
+        self.pull = [[int(entry * q) for entry in (*row, *more)] for row, more in zip(consensus, feedback, strict=True)]
         self.q_step = int(q * step)
         self.affine = [_integers(*cost.affine) if cost.affine else None for cost in costs]
 
     def advance(self, mixing: StepOfMixing, y: list[int], omega: list[int]) -> Segment:
         """The step from ``y, ω``, on which all ``ξ_i^i`` are positive."""
-        n, q, xi = len(y), self.q, mixing.taylor
+        q, xi = self.q, mixing.taylor
         slopes = [self.slope(i, value) for i, value in enumerate(y)]
         ys, omegas = [y], [omega]  # by order, then by agent
         us: list[list[int]] = [[] for _ in y]  # Δ c'(ŷ)/ξ
-        drifts: list[list[int]] = []  # q α1ΔLŷ
-        feedbacks: list[list[int]] = []  # q α2ΔBω̂
+        drifts: list[list[int]] = []  # q α1Δ(Lŷ)_(1…N−1)
+        pulls: list[list[int]] = []  # q (α1ΔLŷ + α2ΔBω̂)
         for j in range(ORDER + 1):
             drifts.append([dot(row, ys[j]) for row in self.consensus])
-            feedbacks.append([dot(row, omegas[j]) for row in self.feedback])
+            pulls.append([dot(row, ys[j] + omegas[j]) for row in self.pull])
             if j == ORDER:
                 break
             for u, slope, value, x in zip(us, slopes, ys[j], xi, strict=True):
                 source = self.q_step * (slope.sigma * value >> SLOPE_BITS if j else slope.value) // q
                 u.append((source * UNIT - dot(x[1 : j + 1], u[::-1])) // x[0])
             scale = q * (j + 1)
-            rows = zip(us, drifts[j], feedbacks[j], strict=True)
-            ys.append([-(u[j] * q + drift + feedback) // scale for u, drift, feedback in rows])
-            omegas.append([drift // scale for drift in drifts[j][:-1]])
-        polynomials, flow = list(map(list, zip(*ys, strict=True))), list(zip(*drifts, strict=True))
-        memory = list(map(list, zip(*omegas, strict=True)))
+            ys.append([-(u[j] * q + pull) // scale for u, pull in zip(us, pulls[j], strict=True)])
+            omegas.append([drift // scale for drift in drifts[j]])
+        polynomials, memory = list(map(list, zip(*ys, strict=True))), list(map(list, zip(*omegas, strict=True)))
         defects = []
-        for i, feedback in enumerate(zip(*feedbacks, strict=True)):
-            rate = list(map(sum, zip(self.rates(polynomials[i]), flow[i], feedback, strict=True)))
+        for i, pull in enumerate(zip(*pulls, strict=True)):
+            rate = list(map(add, self.rates(polynomials[i]), pull))
             known = self.costs[i], slopes[i], polynomials[i]
             defects.append(self.defect(*known, rate, xi[i], mixing.error, mixing.low[i]))
-        for i in range(n - 1):  # q Δ ρ_ω = q α1ΔLŷ − q dω̂/dσ
-            defects.append(sum(map(abs, map(sub, flow[i], self.rates(memory[i])))) // self.q_step + 1)
+        for omega_i, drift in zip(memory, zip(*drifts, strict=True), strict=True):  # q Δ ρ_ω = q α1ΔLŷ − q dω̂/dσ
+            defects.append(sum(map(abs, map(sub, drift, self.rates(omega_i)))) // self.q_step + 1)
         return Segment(polynomials, memory, defects)
 
     def rates(self, polynomial: list[int]) -> list[int]:
