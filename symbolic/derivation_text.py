@@ -22,7 +22,8 @@ from symbolic.steady_state import SteadyState
 def as_text(derivation: Derivation) -> str:
     """The derivation in plain text, one section per agent type."""
     known = derivation.s_star != COST_VARIABLE
-    sections = [f"{derivation.plant}: s* = {derivation.s_star}" if known else f"{derivation.plant}: s* is written s below"]
+    optimum = f"s* = {derivation.s_star}" if known else "s* is not a known rational number, and written s"
+    sections = [f"{derivation.plant}: {optimum}"]
     for ids in derivation.types:
         derived = derivation.representative(ids)
         title = f"agent{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids))}: order {derived.agent.order}"
