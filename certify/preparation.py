@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
 
 import sympy
 
@@ -16,6 +15,7 @@ from certify.coordinator.design import FINE, CoordinatorDesign, design_coordinat
 from certify.coordinator.nominal import cost_gradient
 from certify.coordinator.stability import Unstable
 from certify.curvature import Curvature, cost_curvature
+from certify.foreseen import foreseen_refusal
 from certify.gains.linear_stability import LinearVerdict, necessary_condition
 from certify.gains.requested import requested_controller
 from certify.internal_trajectory import internal_model_data
@@ -23,7 +23,7 @@ from certify.optimum import NoOptimumError, Optimum, optimum
 from certify.results import AgentResult, Status
 from symbolic.derivation import AgentDerivation, Derivation, derive, derive_agent
 from symbolic.internal_model import InternalModel
-from symbolic.plant import COST_VARIABLE, Agent, Exosystem, Interval, Plant
+from symbolic.plant import COST_VARIABLE, Agent, Interval, Plant
 from symbolic.steady_state import SteadyState
 
 Report = Callable[[str], None]
@@ -75,9 +75,9 @@ def prepare(
     except NoOptimumError as error:
         return Stopped("inconclusive", str(error))
     s_star = COST_VARIABLE if found.exact is None else sympy.Rational(found.exact.numerator, found.exact.denominator)
-    irrational = _irrational_exosystem(plant.exosystem)
-    if irrational:
-        return Stopped("inconclusive", irrational)
+    refusal = foreseen_refusal(plant)
+    if refusal:
+        return Stopped("inconclusive", refusal)
     derivation = derive(plant, s_star)
     disturbance = exosystem_bounds(plant.exosystem)
     if not isinstance(disturbance, ExosystemBounds):
@@ -129,18 +129,6 @@ def _agent_model(
         extent=disturbance.extent,
         references=References(references.peak, references.energy, references.rate_energy),
     )
-
-
-def _irrational_exosystem(exosystem: Exosystem) -> str:
-    """What a certificate cannot express about ``S``, said before any search; empty if its entries are rational."""
-    S = exosystem.S
-    for i, j in product(range(S.rows), range(S.cols)):
-        if not S[i, j].is_Rational:
-            return (
-                f"exosystem.S[{i + 1}][{j + 1}] = {S[i, j]} is not rational, and certificates need rational entries; "
-                "an oscillator of frequency w may be written [[0, 1], [-w^2, 0]] if w^2 is rational"
-            )
-    return ""
 
 
 def _curvature(cost: sympy.Expr) -> Interval:

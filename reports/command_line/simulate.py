@@ -88,15 +88,18 @@ def outcome(trajectory: Trajectory) -> Outcome:
     """``holds`` if all outputs ended near s*, ``refuted`` if a state escaped; neither is a proof."""
     status = {"completed": "inconclusive", "escaped": "refuted", "failed": "inconclusive"}[trajectory.status]
     error = trajectory.final_error(window=1.0)
+    reason = sentence(trajectory)
     if error <= SETTLED:
         status = "holds"
+    elif trajectory.status == "completed":
+        reason += f"; it is settled below {SETTLED:g}, so try a longer --horizon"
     fields = {
-        "reason": sentence(trajectory),
+        "reason": reason,
         "optimum": trajectory.optimum,
         "final_error": error if error < float("inf") else None,
         "end": trajectory.end,
     }
-    return Outcome(status, fields, f"{status}: {sentence(trajectory)}")
+    return Outcome(status, fields, f"{status}: {reason}")
 
 
 def sentence(trajectory: Trajectory) -> str:
