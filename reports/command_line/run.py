@@ -29,8 +29,9 @@ def command(
 ) -> None:
     """Do everything below and write the report.
 
-    Check, derive, find gains, verify, simulate, search for counterexamples. DIR gets certificate.json (if there is
-    one), report.pdf, summary.json, region.svg, and witness.json if a trajectory breaks the claim.
+    Check, derive, find gains, verify, simulate, search for counterexamples. DIR gets report.pdf, summary.json,
+    certificate.json if there is one, region.svg if an agent has two plant states, witness.json if a trajectory breaks
+    the claim.
     """
     from symbolic.plant_file import load_plant
 
