@@ -6,8 +6,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 import platform
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, wait
 from importlib.metadata import version
+from multiprocessing.queues import SimpleQueue
 from typing import Any
 
 from certify.assumptions.check import check_assumptions
@@ -28,6 +29,7 @@ __all__ = ["AgentResult", "GainsResult", "design_gains", "tool_versions"]
 THEOREMS = {"recipe": RECIPE, "direct": DIRECT}
 PROVED_ON_THE_WAY = {"recipe": frozenset[str](), "direct": frozenset({"A6"})}  # the tube is A6⁺ (iii)
 MOST_WORKERS = 2
+LISTENING = 0.5  # seconds between two looks at what the searches say
 
 Outcome = tuple[AgentResult, AgentController | None, Json | None]
 
@@ -90,25 +92,36 @@ def _tubes(prepared: Prepared, progress: Report) -> list[Outcome]:
     count = len(prepared.models)
     workers = min(MOST_WORKERS, os.cpu_count() or 1, count)
     if workers == 1 or "fork" not in multiprocessing.get_all_start_methods():
-        return [tube_agent(prepared, index, progress) for index in range(count)]
+        return [_tube(prepared, index, progress) for index in range(count)]
     context = multiprocessing.get_context("fork")
-    outcomes: list[Outcome] = []
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_share, initargs=(prepared,)) as pool:
-        for index, outcome in enumerate(pool.map(_shared_tube, range(count))):
-            progress(f"agent {prepared.derivation.agents[index].id}: {outcome[0].status}")
-            outcomes.append(outcome)
-    return outcomes
+    said: SimpleQueue[str] = context.SimpleQueue()
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_share, initargs=(prepared, said)) as pool:
+        searches = [pool.submit(_shared_tube, index) for index in range(count)]
+        pending = set(searches)
+        while pending:
+            pending = wait(pending, timeout=LISTENING).not_done
+            while not said.empty():
+                progress(said.get())
+    return [search.result() for search in searches]
 
 
-_SHARED: list[Prepared] = []
+_SHARED: list[tuple[Prepared, SimpleQueue[str]]] = []
 
 
-def _share(prepared: Prepared) -> None:
-    _SHARED[:] = [prepared]
+def _share(prepared: Prepared, said: SimpleQueue[str]) -> None:
+    _SHARED[:] = [(prepared, said)]
 
 
 def _shared_tube(index: int) -> Outcome:
-    return tube_agent(_SHARED[0], index)
+    prepared, said = _SHARED[0]
+    return _tube(prepared, index, said.put)
+
+
+def _tube(prepared: Prepared, index: int, progress: Report) -> Outcome:
+    agent = prepared.derivation.agents[index].id
+    outcome = tube_agent(prepared, index, lambda message: progress(f"agent {agent}: {message}"))
+    progress(f"agent {agent}: {outcome[0].status}")
+    return outcome
 
 
 def _summary(status: Status, route: str, certificate: Json, results: tuple[AgentResult, ...]) -> dict[str, Any]:

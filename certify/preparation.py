@@ -15,6 +15,7 @@ from certify.coordinator.design import FINE, CoordinatorDesign, design_coordinat
 from certify.coordinator.nominal import cost_gradient
 from certify.coordinator.stability import Unstable
 from certify.curvature import Curvature, cost_curvature
+from certify.foreseen import foreseen_refusal
 from certify.gains.linear_stability import LinearVerdict, necessary_condition
 from certify.gains.requested import requested_controller
 from certify.internal_trajectory import internal_model_data
@@ -74,6 +75,9 @@ def prepare(
     except NoOptimumError as error:
         return Stopped("inconclusive", str(error))
     s_star = COST_VARIABLE if found.exact is None else sympy.Rational(found.exact.numerator, found.exact.denominator)
+    refusal = foreseen_refusal(plant)
+    if refusal:
+        return Stopped("inconclusive", refusal)
     derivation = derive(plant, s_star)
     disturbance = exosystem_bounds(plant.exosystem)
     if not isinstance(disturbance, ExosystemBounds):

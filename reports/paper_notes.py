@@ -114,7 +114,7 @@ NOTES = (
         "$alpha_1, alpha_2$ sufficiently large.",
         "For each $alpha_2$ there is an $alpha_1^star.op (alpha_2)$: the example's digraph with "
         "$alpha_1 = 1$ is unstable for $alpha_2 > 73$.",
-        "The pair $(alpha_1, alpha_2)$ is certified.",
+        "A certificate is about one pair $(alpha_1, alpha_2)$, and a matrix inequality proves it stable.",
         _any,
     ),
     Note(

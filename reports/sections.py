@@ -66,7 +66,7 @@ def document_data(study: Study) -> dict[str, Any]:
                 "id": n.id,
                 "printed": n.printed,
                 "truth": n.truth,
-                "consequence": n.here(certified is not None and certified.direct),
+                "consequence": n.here(_route(study, certified) == "direct"),
             }
             for n in notes_for(study.plant)
         ],

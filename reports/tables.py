@@ -132,6 +132,8 @@ def _evidence(value: object) -> str:
             return "; ".join(f"{str(key).replace('_', ' ')}: {_evidence(entry)}" for key, entry in value.items())
         case str():
             return value.replace("**", "^").replace("*", "·")
+        case bool():
+            return "yes" if value else "no"
         case Sequence():
             entries = (f"{{{_evidence(v)}}}" if isinstance(v, Mapping) else _evidence(v) for v in value)
             return f"[{', '.join(entries)}]"

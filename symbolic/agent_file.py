@@ -30,15 +30,16 @@ _RANGE = re.compile(r"\s*([0-9]{1,9})\s*(?:-|\.\.)\s*([0-9]{1,9})\s*")
 def read_agents(root: Table, count: int, scope: Scope) -> tuple[Agent, ...]:
     """The agents ``1 … count`` in order, each described by exactly one table."""
     where = root.at("agent")
-    initial = InitialTable(Table(root.need("initial"), root.at("initial")))
+    box = root.need("initial", "initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }")
+    initial = InitialTable(Table(box, root.at("initial")))
     agents: dict[int, Agent] = {}
     length = 0
-    if isinstance(root.need("agent"), dict):
+    if isinstance(root.need("agent", "[[agent]], then ids, order, f, b and cost in lines of their own"), dict):
         raise where.error("agents are given as [[agent]] tables, with two brackets")
     tables = array(root.need("agent"), where, most=count, what="tables")
     for position, entry in enumerate(tables, 1):
         table = Table(entry, where.at(position), _KEYS)
-        numbers = list(_ids(table.need("ids"), table.at("ids"), count))
+        numbers = list(_ids(table.need("ids", "ids = [1, 2]"), table.at("ids"), count))
         length += len(numbers) * _text_length(table.entries)
         if length > MAX_TEXT:
             raise where.error(f"the expressions of all agents together have more than {MAX_TEXT} characters")
@@ -85,7 +86,7 @@ def _text_length(value: Value) -> int:
 
 def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Agent:
     outer = scope
-    order = integer(table.need("order"), table.at("order"), least=1, most=MAX_ORDER)
+    order = integer(table.need("order", "order = 2"), table.at("order"), least=1, most=MAX_ORDER)
     zero = table.table("zero_dynamics")
     if len(zero.entries) > MAX_ZERO_STATES:
         raise zero.where.error(f"{len(zero.entries)} zero states, more than {MAX_ZERO_STATES}")

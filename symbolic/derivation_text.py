@@ -15,12 +15,15 @@ from symbolic.exact_field import Number
 from symbolic.internal_model import InternalModel, NoInternalModel
 from symbolic.latex import latex_align, latex_equation, latex_expression, latex_matrix, latex_names, latex_number
 from symbolic.named_equations import SATURATION, NamedEquation, NamedEquations
+from symbolic.plant import COST_VARIABLE
 from symbolic.steady_state import SteadyState
 
 
 def as_text(derivation: Derivation) -> str:
     """The derivation in plain text, one section per agent type."""
-    sections = [f"{derivation.plant}: s* = {derivation.s_star}"]
+    known = derivation.s_star != COST_VARIABLE
+    optimum = f"s* = {derivation.s_star}" if known else "s* is not a known rational number, and written s"
+    sections = [f"{derivation.plant}: {optimum}"]
     for ids in derivation.types:
         derived = derivation.representative(ids)
         title = f"agent{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids))}: order {derived.agent.order}"

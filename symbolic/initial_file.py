@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from symbolic.errors import nearest, quoted
 from symbolic.names import Scope
 from symbolic.plant import Agent, InitialBox, Interval
 from symbolic.tables import Table, array, interval, is_interval
@@ -27,7 +28,7 @@ class InitialTable:
     def box_of(self, order: int, zero_states: Sequence[str], scope: Scope) -> InitialBox:
         """The box of an agent of this order with these zero states. Raises ``InputError``."""
         chain = [f"x{k}" for k in range(1, order + 1)]
-        measured = self.table.entries.get("observer") == MEASURED
+        measured = self._is_measured()
         return InitialBox(
             z=self._components("z", zero_states, scope), x=self._components("x", chain, scope),
             observer=None if measured else self._components("observer", chain, scope),
@@ -45,6 +46,12 @@ class InitialTable:
                 self.table.table(key, names)
             elif key in self.table and not names:
                 interval(self.table.entries[key], self.table.at(key), scope.constants)
+
+    def _is_measured(self) -> bool:
+        value = self.table.entries.get("observer")
+        if isinstance(value, str) and value != MEASURED and nearest(value, [MEASURED]):
+            raise self.table.at("observer").error(f"unknown word {quoted(value)}; did you mean {quoted(MEASURED)}?")
+        return value == MEASURED
 
     def _one(self, key: str, scope: Scope) -> Interval:
         used = key if key in self.table else "box"

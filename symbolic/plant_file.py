@@ -51,10 +51,11 @@ def parse_plant(data: bytes, source: str) -> Plant:
     """The plant in the bytes of a plant file; ``source`` is how messages name it. Raises ``InputError``."""
     root = read_toml(data, Where(source))
     root.allow(_KEYS)
-    if root.need("schema") != SCHEMA:
+    if root.need("schema", f'schema = "{SCHEMA}"') != SCHEMA:
         raise root.at("schema").error(f"this version reads {quoted(SCHEMA)} only")
-    name = string(root.need("name"), root.at("name"))
-    digraph = _network(Table(root.need("network"), root.at("network"), ("agents", "edges")))
+    name = string(root.need("name", 'name = "two-motors"'), root.at("name"))
+    network = root.need("network", 'network = { agents = 2, edges = ["1 -> 2", "2 -> 1"] }')
+    digraph = _network(Table(network, root.at("network"), ("agents", "edges")))
     scope = Scope().with_constants(root.table("constants"), most=MAX_CONSTANTS)
     exosystem, scope = _exosystem(root.table("exosystem", ("states", "S", "initial")), scope, "exosystem" in root)
     agents = read_agents(root, digraph.agents, scope)

@@ -64,9 +64,11 @@ def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy
         if isinstance(stuck, Inconsistent) and stuck.proved:
             equation, where = str(problem.z[stuck.component]), printed(point)
             at = f" at {_shown(where)}" if where else ""
+            driven = set(stuck.monomial.free_symbols) - {COST_VARIABLE}
+            why = "resonate with the exosystem" if driven else "have no equilibrium there"
             return NoSteadyState(
-                "fails", f"{_terms(stuck)} of the equation of {equation} cannot be matched{at}: the zero dynamics "
-                "resonate with the exosystem",
+                "fails", f"{_terms(stuck)} of the equation of {equation} cannot be matched{at}: "
+                f"the zero dynamics {why}",
                 {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where})
     return None
 

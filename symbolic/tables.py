@@ -77,9 +77,10 @@ class Table:
     def at(self, key: str) -> Where:
         return self.where.at(key)
 
-    def need(self, key: str) -> Value:
+    def need(self, key: str, example: str = "") -> Value:
+        """The value of a key that has no default; the refusal shows how it may be written."""
         if key not in self.entries:
-            raise self.at(key).error("missing")
+            raise self.at(key).error(f"missing; for example {example}" if example else "missing")
         return self.entries[key]
 
     def table(self, key: str, keys: Sequence[str] | None = None) -> Table:

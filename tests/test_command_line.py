@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -235,12 +236,16 @@ def test_check_that_fails(certify: Certify, changes: dict[str, str], failing: st
     assert failing in {finding["id"] for finding in answer.json["assumptions"] if finding["verdict"] == "fails"}
 
 
-def test_check_as_text_has_a_line_per_finding(certify: Certify) -> None:
-    plant = certify.plant()
+def test_check_as_text_has_a_line_per_reason_with_its_agents(certify: Certify) -> None:
+    plant = certify.plant({'cost = "(s - id)^2"': 'cost = "(s - id)^(2*id)"'})
     findings = certify("check", plant, "--json").json["assumptions"]
-    lines = certify("check", plant).out.splitlines()
-    assert len(lines) == len(findings) + 1
-    assert lines[-1] == "assumptions: holds"
+    *lines, last = [re.split(" {2,}", line) for line in certify("check", plant).out.splitlines()]
+    assert last == ["assumptions: fails"]
+    assert {name: where for name, where, *_ in lines if name != "A1"} == {
+        "A2": "network", "A4": "network", **dict.fromkeys(("A0", "A3", "A5", "A6"), "agents 1, 2")
+    }  # fmt: skip
+    assert [line[1:3] for line in lines if line[0] == "A1"] == [["agent 1", "holds"], ["agent 2", "fails"]]
+    assert {line[3] for line in lines} == {finding["reason"] for finding in findings}
 
 
 def test_derive(certify: Certify) -> None:

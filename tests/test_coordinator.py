@@ -110,7 +110,7 @@ class Simulation:
 
     def run(self, start: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         q0 = np.r_[start, np.zeros(self.n)]
-        result = solve_ivp(self.derivative, (0, times[-1]), q0, "DOP853", times, rtol=1e-8, atol=1e-10)
+        result = solve_ivp(self.derivative, (0, times[-1]), q0, "DOP853", times, rtol=1e-12, atol=1e-14)
         assert result.success
         rates = np.array([self.derivative(t, q)[: self.n] for t, q in zip(times, result.y.T, strict=True)]).T
         return result.y[: self.n] - self.optimum, rates

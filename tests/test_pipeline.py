@@ -123,6 +123,32 @@ def test_an_open_assumption_is_inconclusive() -> None:
     assert re.match(r"A[36], agent 2: ", result.reason)
 
 
+def test_an_exosystem_that_no_certificate_can_name_is_refused_before_any_search() -> None:
+    exosystem = 'exosystem = { states = ["v", "w"], S = [[0, "sqrt(2)"], ["-sqrt(2)", 0]], initial = { v = 1, w = 0 } }'
+    heard: list[str] = []
+    plant = pair(("initial = {", f"{exosystem}\ninitial = {{"))
+    result = design_gains(plant, route="recipe", progress=heard.append)
+    assert_nothing_certified(result, "inconclusive")
+    assert result.reason.startswith("exosystem.S[1][2] = sqrt(2) is not rational")
+    assert heard == []
+    rational = exosystem.replace('[0, "sqrt(2)"], ["-sqrt(2)", 0]', "[0, 1], [-2, 0]")
+    assert design_gains(pair(("initial = {", f"{rational}\ninitial = {{")), route="recipe").status == "certified"
+
+
+def test_a_cost_that_the_checker_cannot_bound_is_refused_before_any_search() -> None:
+    cost = 'f = "p*x1"\nb = 1\ncost = "{}"'
+    old = cost.format("(s - id)^2")
+    heard: list[str] = []
+    plant = pair((old, cost.format("s^2/2 + log(cosh(s))")))
+    result = design_gains(plant, route="recipe", progress=heard.append)
+    assert_nothing_certified(result, "inconclusive")
+    assert "agent 1: A1" in result.reason and "another way to write the cost may do" in result.reason
+    assert heard == []
+    plant = pair((old, cost.format("s^2/2 + log(exp(s) + exp(-s))")))
+    other = design_gains(plant, route="recipe", progress=heard.append)
+    assert heard != [] and "cannot decide" not in other.reason
+
+
 def test_gains_that_are_too_small_for_the_proof_are_inconclusive() -> None:
     """They may well work: nothing is proved either way, and the reason names block and threshold."""
     result = design_gains(replace_gains("K = 20\nh = 5000"), route="recipe")

@@ -14,7 +14,7 @@ from symbolic.tables import MAX_FILE_BYTES
 
 REFUSED = [
     ('schema = "consensus-plant/1"', 'schema = "consensus-plant/2"', "schema: this version reads 'consensus-plant/1'"),
-    ('schema = "consensus-plant/1"', "", "schema: missing"),
+    ('schema = "consensus-plant/1"', "", 'schema: missing; for example schema = "consensus-plant/1"'),
     ('schema = "consensus-plant/1"', "schema = 1", "schema: this version reads"),
     ('name = "two"', "", "name: missing"),
     ('name = "two"', "name = 2", "name: a string is needed, found an integer"),
@@ -76,7 +76,8 @@ REFUSED = [
     ("box = [-1, 1]", "box = 1\nzeta = 0", "initial: unknown key 'zeta'; did you mean 'eta'?"),
     ("reference = 0", "reference = { x1 = 0 }", "initial.reference: a number or a string with an expression is needed"),
     ("[[agent]]", "[agent]", "agent: agents are given as [[agent]] tables, with two brackets"),
-    ("ids = [1, 2]", "", "agent[1].ids: missing"),
+    ("ids = [1, 2]", "", "agent[1].ids: missing; for example ids = [1, 2]"),
+    ("box = [-1, 1]", 'box = [-1, 1]\nobserver = "mesured"', "unknown word 'mesured'; did you mean 'measured'?"),
     ("ids = [1, 2]", "ids = [1]", "agent: agent 2 has no [[agent]] table"),
     ("ids = [1, 2]", "ids = [1, 2, 1]", "agent[1].ids: 3 entries, more than 2"),
     ("ids = [1, 2]", "ids = [1, 1]", "agent[1].ids: agent 1 is described twice"),
@@ -142,6 +143,17 @@ REFUSED = [
 @pytest.mark.parametrize(("old", "new", "message"), REFUSED)
 def test_refused_with_file_key_and_reason(old: str, new: str, message: str) -> None:
     assert message in refusal(changed(old, new))
+
+
+@pytest.mark.parametrize(("lines", "message"), [
+    (2, "network: missing; for example network = { agents = 2, edges = ["),
+    (3, "initial: missing; for example initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }"),
+    (4, "agent: missing; for example [[agent]], then ids, order, f, b and cost in lines of their own"),
+])
+def test_a_missing_table_is_shown_by_an_example(lines: int, message: str) -> None:
+    begun = ['schema = "consensus-plant/1"', 'name = "one"', "network = { agents = 1, edges = [] }",
+             "initial = { box = 0 }"]
+    assert message in refusal("\n".join(begun[:lines]))
 
 
 def test_an_agent_in_two_tables() -> None:

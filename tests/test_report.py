@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from certify.assumptions.findings import CheckReport, Finding
 from certify.certificate import claim_digest
+from certify.results import GainsResult
 from reports import cells, tables
 from reports.certificate_view import certified_gains
 from reports.document import MAIN, TEMPLATES, build_report, typeset
@@ -417,6 +418,21 @@ def test_notes_are_those_that_concern_the_plant(five_agents: Plant) -> None:
     few = {note.id for note in notes_for(small_plant())}
     assert few.isdisjoint({"F1", "F7", "F8", "F18", "F19", "F20"})
     assert {"F2", "F4", "F5", "F13"} <= few
+
+
+@pytest.mark.parametrize("route", ["direct", "recipe"])
+def test_notes_speak_of_the_route_that_was_tried_and_claim_nothing(route: str) -> None:
+    gains = GainsResult("inconclusive", "nothing passed", route, None, {"gains": None, "claim": None}, ())
+    notes = {note["id"]: note["consequence"] for note in document_data(Study(small_plant(), gains=gains))["notes"]}
+    assert notes["F2"].startswith("No level set is used" if route == "direct" else "The level is found")
+    assert not any("is certified" in text for text in notes.values())
+
+
+def test_evidence_is_words_and_exact_numbers() -> None:
+    cut = {"agents": [1], "hears_nobody": True}
+    report = CheckReport((Finding("A2", None, "fails", "two parts", {"cuts": [cut]}),))
+    (row,) = tables.assumptions_table(report)
+    assert row["evidence"] == cells.text("cuts: [{agents: [1]; hears nobody: yes}]")
 
 
 def test_commands_lose_the_paths_of_the_machine() -> None:

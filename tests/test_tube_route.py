@@ -148,6 +148,14 @@ def test_the_internal_model_starts_as_far_from_its_trajectory_as_the_checker_thi
     verified_and_no_less(TOGETHER)
 
 
+def test_progress_tells_what_the_search_for_every_agent_is_at() -> None:
+    heard: list[str] = []
+    design_gains(parse_plant(UNEVEN.encode(), "p.toml"), route="direct", progress=heard.append)
+    for agent in (1, 2):
+        told = [text for text in heard if text.startswith(f"agent {agent}: ")]
+        assert told == [f"agent {agent}: g = 2, K = 60, h = 6000", f"agent {agent}: certified"]
+
+
 def test_requested_gains_below_the_linear_limit_are_refuted() -> None:
     result = certify(text_of("van_der_pol", "g = 2\nK = 60\nh = 5"))
     assert result.status == "refuted" and result.certificate is None

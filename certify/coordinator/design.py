@@ -15,6 +15,7 @@ from symbolic.network import laplacian, left_null_vector
 from symbolic.plant import Interval, Plant
 
 CANDIDATES = tuple((Fraction(a), Fraction(b)) for a, b in ((1, 1), (2, 1), (3, 2), (5, 5)))
+ABOUT = Fraction(11, 10)
 LIFETIMES = 14
 FINE, COARSE = Fraction(1, 3), Fraction(13, 4)  # largest step times fastest rate; COARSE is for means, not for peaks
 LARGEST_GRID = 4096
@@ -49,7 +50,8 @@ def design_coordinator(
     report: Callable[[str], None] = lambda message: None,
     resolution: Fraction = FINE,
 ) -> CoordinatorDesign | Unstable:
-    """The pair given in the plant file, or the candidate whose references move least (``Σ ∫ (ẏ^r)²``), proved stable.
+    """The pair given in the plant file, or the first candidate whose references move about least, by ``Σ ∫ (ẏ^r)²``;
+    proved stable.
 
     ``curvatures[i]`` encloses ``c_i''`` on the whole line and ``optimal_gradients[i]`` encloses ``c_i'(s*)``.
     """
@@ -84,7 +86,8 @@ def design_coordinator(
         return Unstable(
             "no pair α1, α2 was proved stable; tried " + ", ".join(f"({a}, {b})" for a, b in pairs), len(pairs)
         )
-    best = min(rough, key=lambda design: sum(agent.rate_energy for agent in design.envelope.agents))
+    energies = [sum((agent.rate_energy for agent in design.envelope.agents), Fraction(0)) for design in rough]
+    best = next(design for design, energy in zip(rough, energies, strict=True) if energy <= ABOUT * min(energies))
     if best.mixing.step == _grid(best.model, curvatures, horizon, LARGEST_GRID, resolution)[0]:
         return best
     return attempt((best.model.alpha1, best.model.alpha2), LARGEST_GRID)

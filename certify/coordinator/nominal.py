@@ -19,6 +19,7 @@ from certify.coordinator.mixing import Mixing, Rows
 from symbolic.plant import COST_VARIABLE
 
 TAYLOR_ORDER = 6
+WIDER = 4  # another formula for c'' may enclose it that much more widely; the defect is of second order in a step
 
 
 @dataclass(frozen=True)
@@ -168,13 +169,13 @@ class _Stepper:
         return (scaled / self.mixing.ranges[k][i][0]).upper()
 
     def _curvature_spread(self, i: int, centre: arb, distance: arb, slope: arb) -> arb:
-        """``sup |c_i'' − σ|`` on the step; zero for a quadratic cost."""
+        """``sup |c_i'' − σ|`` on the step, with room for the checker's own enclosure; zero for a quadratic cost."""
         if self.costs[i].curvature is not None:
             return arb(0)
         ends = self.costs[i].hessian.ends([((centre - distance).lower(), (centre + distance).upper())])
         if ends is None:
             return arb.nan()
-        return max(abs(end - slope).upper() for end in ends)
+        return WIDER * max(abs(end - slope).upper() for end in ends)
 
     def _size(self, poly: arb_poly) -> arb:
         """``sup |poly|`` on ``[0, step]``."""

@@ -154,11 +154,11 @@ def _threshold(loops: FrozenLoops, frozen: Sequence[Frozen]) -> tuple[Fraction |
     if not loops.has_observer or not all(state.exact for state in frozen):
         return None, None, ""
     thresholds = [loops.threshold(state) for state in frozen]
-    frozen_words = "the frozen loops take" if loops.varies_with_time else "it takes"
     known = [threshold for threshold in thresholds if threshold is not None]
     if len(known) < len(thresholds):
-        return None, None, f"; with the other gains kept {frozen_words} more than any h"
+        return None, None, "; no h is enough while the other gains are kept"
     below, above = max(threshold.below for threshold in known), max(threshold.above for threshold in known)
+    frozen_words = "the frozen loops take" if loops.varies_with_time else "it takes"
     return below, above, f"; with the other gains kept {frozen_words} an h of about {scientific(above, 4)}"
 
 

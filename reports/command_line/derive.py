@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def command(
     plant: PlantArgument,
-    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False,
+    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX (needs amsmath).")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Derive z*, u*, the internal models and the error coordinates."""

@@ -27,7 +27,10 @@ def command(
     route: RouteOption = Route.DIRECT,
     as_json: JsonOption = False,
 ) -> None:
-    """Find gains and write the certificate that proves them; or decide the gains of the plant file."""
+    """Find gains and write the certificate that proves them.
+
+    What [gains], [coordinator], observer, gamma and internal_model fix in the plant file is kept and decided as it is.
+    """
     from symbolic.plant_file import load_plant
 
     loaded = load_plant(plant)

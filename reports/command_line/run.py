@@ -27,7 +27,12 @@ def command(
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Check, derive, find gains, verify, simulate, search for counterexamples and write the report."""
+    """Do everything below and write the report.
+
+    Check, derive, find gains, verify, simulate, search for counterexamples. DIR gets report.pdf, summary.json,
+    certificate.json if there is one, region.svg if an agent has two plant states, witness.json if a trajectory breaks
+    the claim.
+    """
     from symbolic.plant_file import load_plant
 
     loaded = load_plant(plant)

@@ -11,7 +11,10 @@ from symbolic.errors import InputError, one_line
 
 
 def command(plant: PlantArgument, certificate: CertificateArgument, as_json: JsonOption = False) -> None:
-    """Check a certificate against the plant; prints VERIFIED and the digest of the claim."""
+    """Check a certificate against the plant file alone.
+
+    Prints VERIFIED and the digest of the claim, and nothing on stdout otherwise.
+    """
     answer = verified(plant, certificate)
     digest = answer["claim_sha256"]
     if answer["reason"]:
