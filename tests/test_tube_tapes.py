@@ -47,7 +47,7 @@ def test_arguments_that_are_held_give_the_same_ranges_and_slopes(text: str) -> N
         held: list[Argument] = [0, 1, a, b]
         assert function.enclosure(2, held)([x, y]) == pytest.approx(function.enclose(whole), rel=1e-13)
         for index in (0, 1):
-            expected = function.secant(whole, index, centre)
+            expected = function.slope(len(whole) + 1, range(len(whole)), index, len(whole))([*whole, centre])
             assert function.slope(2, held, index, centre)([x, y]) == pytest.approx(expected, rel=1e-13)
             inside = function.slope(3, held, index, 2)
             assert inside([x, y, centre]) == pytest.approx(expected, rel=1e-13)

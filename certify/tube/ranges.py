@@ -55,18 +55,10 @@ class FloatProgram:
         constants = (program.constant(position) for position in range(len(program.instructions)))
         self.constants: list[Ends] = [None if ends is None else (float(ends[0]), float(ends[1])) for ends in constants]
         self._enclosure = self.enclosure(self.count, range(self.count))
-        self._secants: dict[int, Tape] = {}
 
     def enclose(self, box: Sequence[Range]) -> Range:
         """The natural interval extension; the whole line where it is not defined."""
         return self._enclosure(box)
-
-    def secant(self, box: Sequence[Range], index: int, centre: Range) -> Range:
-        """``f(x) − f(c) ∈ slope · (x_k − c_k)`` when only argument ``k = index`` moves, from ``centre`` to
-        ``box[index]``, and the others are anywhere in ``box``; the whole line where it is not defined."""
-        if index not in self._secants:
-            self._secants[index] = self.slope(self.count + 1, range(self.count), index, self.count)
-        return self._secants[index]([*box, centre])
 
     def enclosure(self, inputs: int, arguments: Sequence[Argument]) -> Tape:
         """``enclose`` with some arguments held: each is the place of one of the tape's ``inputs``, or a range."""
@@ -87,7 +79,8 @@ class FloatProgram:
         return recorder.tape(registers[self.program.result])
 
     def slope(self, inputs: int, arguments: Sequence[Argument], index: int, centre: Argument) -> Tape:
-        """``secant`` for one ``index`` with some arguments held, as in ``enclosure``."""
+        """``f(x) − f(c) ∈ slope · (x_k − c_k)`` when only argument ``k = index`` moves, from ``centre`` to
+        ``arguments[index]``, and the others are anywhere in theirs; some may be held, as in ``enclosure``."""
         record = _SecantRecorder(inputs)
         registers = [record.still(argument) for argument in arguments]
         registers[index] = record.moving(arguments[index], centre)

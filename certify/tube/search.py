@@ -19,8 +19,8 @@ STRIDE = 3
 MOST_TRIALS = 60
 A_LITTLE = Fraction(5, 4)
 CLEARLY_LESS = 0.95
-AGREEING = 3
-ABOUT = 1.1
+AGREEING = 3  # failures in a row before far larger gains are tried at once
+ABOUT = 1.1  # ratio of times of escape that count as the same
 _RUNGS = (
     "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700"
     " 1000 1500 2200 3300 5000"
@@ -75,8 +75,8 @@ def search_gains(
     passed = list({id(trial): trial for finder in finders for trial in finder.passed}.values())
     candidates = (
         Choice("balanced", "the least product K·h·∛δ that passed", _balanced(passed)),
-        Choice("least K", "the least feedback gain that passed", min(passed, key=_K_then_h)),
-        Choice("least h", "the least observer gain that passed", min(passed, key=_h_then_K)),
+        Choice("least K", "the least feedback gain that passed", _least_K(passed)),
+        Choice("least h", "the least observer gain that passed", _least_h(passed)),
         Choice("least delta", "the least saturation level, so the least peak of the input", _least_delta(passed)),
     )
     chosen: list[Choice] = []
@@ -90,12 +90,12 @@ def _product(trial: Trial) -> Fraction:
     return trial.gains.K * (trial.gains.h or 1)
 
 
-def _K_then_h(trial: Trial) -> tuple[Fraction, Fraction]:
-    return trial.gains.K, trial.gains.h or Fraction(1)
+def _least_K(passed: Sequence[Trial]) -> Trial:
+    return min(passed, key=lambda trial: (trial.gains.K, trial.gains.h or 1, trial.delta))
 
 
-def _h_then_K(trial: Trial) -> tuple[Fraction, Fraction]:
-    return trial.gains.h or Fraction(1), trial.gains.K
+def _least_h(passed: Sequence[Trial]) -> Trial:
+    return min(passed, key=lambda trial: (trial.gains.h or 1, trial.gains.K, trial.delta))
 
 
 def _least_delta(passed: Sequence[Trial]) -> Trial:
@@ -265,7 +265,7 @@ class _Finder:
 
 def _redesign(finder: _Finder, start: Trial, redesigned: Redesigned) -> tuple[_Finder, Trial]:
     """The design that passes with the least ``K`` at the ratio of ``start``, or that leaves the saturation most of its
-    level; none that converges more slowly. One thing is changed after the other."""
+    level; none with a lower certified rate at the gains that are compared. One thing is changed after the other."""
     best = start
     for stage in STAGES:
         for agent in stage(best.model.agent, best.model.internal_model.order):

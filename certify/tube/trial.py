@@ -28,9 +28,9 @@ NEARLY = 0.6
 FAR = 3.0
 LARGEST_GAIN = Fraction(10) ** 15
 DELTA_ROUNDS = 16
-TIGHTENINGS = 3
-A_SHARE = 1 / 8
-PROGRESS = 1.02
+TIGHTENINGS = 3  # halvings of the logarithm of a factor of two: to within 9 %
+WAY_SHARE = 1 / 8  # of the reference's way, which is a unit of ϑ where agents start at rest
+PROGRESS = 1.02  # ratio of times of escape below which a higher saturation level is no help
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
 
@@ -185,7 +185,7 @@ class AgentTrials:
         be: then it is what the reference's way to the optimum makes of ``ϑ``, or 1 where that stands still too."""
         theta = self._theta(gains)
         way = float(theta[0]) * float(self.model.references.peak)
-        return float(gains.K) * (max(float(theta @ self.initial.x), A_SHARE * way) or 1.0)
+        return float(gains.K) * (max(float(theta @ self.initial.x), WAY_SHARE * way) or 1.0)
 
     def _feedback(self, gains: LoopGains) -> Feedback:
         zeros = self.increments.zeros
