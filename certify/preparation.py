@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
 
 import sympy
 
 from certify.agent_model import AgentModel, References
 from certify.assumptions.findings import CheckReport
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
-from certify.coordinator.design import FINE, CoordinatorDesign, design_coordinator, gradients_at
+from certify.coordinator.design import FINE, CoordinatorDesign, Resolution, design_coordinator, gradients_at
 from certify.coordinator.nominal import cost_gradient
 from certify.coordinator.stability import Unstable
 from certify.curvature import Curvature, cost_curvature
@@ -61,7 +60,7 @@ def prepare(
     check: CheckReport,
     report: Report,
     optional: frozenset[str] = frozenset(),
-    resolution: Fraction = FINE,
+    resolution: Resolution = FINE,
 ) -> Prepared | Stopped:
     """Everything up to the choice of gains; the exact linear condition on requested gains comes first.
 

@@ -28,6 +28,7 @@ from certify.checker.plant import Agent, read_plant
 from certify.checker.rules import assumptions, coordinator, first_phase, kernels, loop, tube, zero_ranges
 from certify.checker.rules.first_phase import FirstPhase, Sizes
 from certify.checker.rules.increments import Increments
+from certify.checker.rules.observer import tabulate
 from certify.checker.rules.surroundings import Exosystem, Outside
 from certify.checker.verdict import start_meter
 
@@ -94,7 +95,9 @@ class _Problem:
 
     def first_phase(self) -> list[Interval]:
         """Draws in every step of phase 1; magnitudes of ``Y`` at its end."""
-        rule = FirstPhase(self.name, self.agent, self.claim, self.witness, self.known, self.outside, self.increments())
+        increments = self.increments()
+        rule = FirstPhase(
+            self.name, self.agent, self.claim, self.witness, self.known, self.outside, increments, tabulate)
         X, fastest = rule.at_start(), Interval(0, 0)
         for k in range(len(self.witness.phase1.boxes)):
             X, fastest = self.first_step(rule, k, X, fastest)

@@ -23,6 +23,7 @@ from certify.checker.plant import Agent, read_plant
 from certify.checker.rules import loop
 from certify.checker.rules.first_phase import FirstPhase, Sizes
 from certify.checker.rules.increments import Increments
+from certify.checker.rules.observer import tabulate
 from certify.checker.rules.surroundings import Surroundings
 from certify.checker.rules.tube import _Tube
 from certify.checker.rules.zero_ranges import ZeroRanges
@@ -139,7 +140,7 @@ def holds(found: Array, bound: Any, sharp: bool) -> None:
 def test_no_state_of_a_box_is_faster_than_the_rates_of_phase_1(name: str) -> None:
     case = Case(name)
     nz, claim = len(case.model.f0), case.claim
-    rule = FirstPhase("agent 1", case.agent, claim, case.witness, case.known, None, case.increments)  # type: ignore[arg-type]
+    rule = FirstPhase("agent 1", case.agent, claim, case.witness, case.known, None, case.increments, tabulate)  # type: ignore[arg-type]
     z, x, zeta = ([enclose(Q(size)) for size in sizes] for sizes in (case.box[:nz], case.box[nz:], case.zeta))
     slopes = case.increments.in_tail(case.around, z, x)
     rates = rule.rates(Sizes(z, x, enclose(1), zeta), slopes, case.around)
@@ -171,7 +172,7 @@ def test_what_the_nominal_loop_leaves_out_is_below_the_forcing_of_the_tube(name:
     dX = np.vstack([case.dz, case.x_bar[1:], push[None], d_eta])
     dX[nz] -= case.speed
     if n > 1:
-        E3 = np.array(loop.observer_matrix(claim), dtype=float)
+        E3 = np.array(loop.observer_matrix(claim.observer), dtype=float)
         de = float(claim.h or 1) * E3 @ e
         de[-1] += push
         dX = np.vstack([dX, de])

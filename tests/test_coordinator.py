@@ -131,7 +131,7 @@ def test_envelopes_lie_above_every_trajectory(name: str) -> None:
     """56 starts over all plants: enclosures of ``y^r``, ``|y^r − s*|``, ``|ẏ^r|``, their tails and both energies."""
     plant, found = proved(name)
     simulation = Simulation(plant, (found.model.alpha1, found.model.alpha2))
-    envelope, per_step = found.envelope, 2
+    envelope, per_step = found.envelope, 4
     steps = min(found.mixing.steps, 384)
     step, end = float(envelope.step), float(envelope.horizon)
     inside = np.arange(1, per_step * steps) * step / per_step

@@ -21,6 +21,7 @@ from certify.checker.plant import read_plant
 from certify.checker.rules import assumptions, coordinator
 from certify.checker.rules.first_phase import FirstPhase
 from certify.checker.rules.increments import Increments
+from certify.checker.rules.observer import tabulate
 from certify.checker.rules.surroundings import Exosystem, Outside
 from certify.checker.rules.zero_ranges import ZeroRanges
 from certify.checker.verdict import start_meter
@@ -52,7 +53,7 @@ def first_phase(name: str) -> FirstPhase:
     outside = Outside(Exosystem(plant.S or [], Q, facts.v_at_start, facts.v), reference, witness.steady_state,
                       agent.parameters)
     increments = Increments(agent, reference.optimum, facts.agents[0].w, ZeroRanges("agent 1", agent, witness.ranges))
-    return FirstPhase("agent 1", agent, claim, witness, facts.agents[0], outside, increments)
+    return FirstPhase("agent 1", agent, claim, witness, facts.agents[0], outside, increments, tabulate)
 
 
 def above(parts: Any) -> Array:

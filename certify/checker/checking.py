@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from certify.checker.certificate import AgentClaim, Certificate, Claim, DirectWitness, Witness, read_certificate
 from certify.checker.plant import Agent, Plant, read_plant
 from certify.checker.rules import agent_recipe, assumptions, coordinator
@@ -50,7 +52,7 @@ def _prove_recipe(plant: Plant, certificate: Certificate, witness: Witness) -> N
 
 
 def _prove_direct(plant: Plant, certificate: Certificate, witness: DirectWitness) -> None:
-    from certify.checker.rules import agent_direct  # lazily: recipe/1 is checked without python-flint
+    from certify.checker.rules import agent_direct, observer  # lazily: recipe/1 is checked without python-flint
 
     designs = list(zip(plant.agents, certificate.claim.agents, witness.agents, strict=True))
     for design in designs:
@@ -58,9 +60,9 @@ def _prove_direct(plant: Plant, certificate: Certificate, witness: DirectWitness
     facts = assumptions.prove(plant, certificate)
     Q = witness.exosystem.Q if witness.exosystem else []
     exosystem = agent_direct.Exosystem(plant.S or [], Q, facts.v_at_start, facts.v)
-    envelopes = coordinator.prove(plant, certificate, facts)
+    envelopes, tabulate = coordinator.prove(plant, certificate, facts), cache(observer.tabulate)
     for design, envelope, known in zip(designs, envelopes, facts.agents, strict=True):
-        agent_direct.prove_tube(*design, envelope.reference, exosystem, known)
+        agent_direct.prove_tube(*design, envelope.reference, exosystem, known, tabulate)
 
 
 def _bind(plant: Plant, claim: Claim, witness: Witness | DirectWitness) -> None:

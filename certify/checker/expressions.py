@@ -132,15 +132,20 @@ def evaluate(node: Node, values: Mapping[str, Any], number: Callable[[Fraction],
 
 
 def names_in(node: Node) -> set[str]:
+    return set(occurrences(node))
+
+
+def occurrences(node: Node) -> list[str]:
+    """The names, as often as they occur."""
     match node:
         case Number():
-            return set()
+            return []
         case Name(name):
-            return {name}
+            return [name]
         case Sum(parts) | Product(parts):
-            return set().union(*(names_in(part) for part, _ in parts))
+            return [name for part, _ in parts for name in occurrences(part)]
         case Power(inner, _) | Call(_, inner):
-            return names_in(inner)
+            return occurrences(inner)
 
 
 def measure(node: Node) -> tuple[int, int]:

@@ -14,6 +14,7 @@ from typing import TypeAlias
 from certify.checker.verdict import Undecided, show
 
 BITS = 128
+LARGEST_MANTISSA = 1 << BITS
 LARGEST_EXPONENT = 1 << 24
 MAX_VERTICES = 1 << 10
 LARGEST_EXP_ARGUMENT = 1 << 22
@@ -29,8 +30,8 @@ class Interval:
     __slots__ = ("a", "b", "e")
 
     def __init__(self, a: int, b: int, e: int = 0) -> None:
-        excess = max(a.bit_length(), b.bit_length()) - BITS
-        if excess > 0:
+        if a <= -LARGEST_MANTISSA or b >= LARGEST_MANTISSA:
+            excess = max(a.bit_length(), b.bit_length()) - BITS
             a, b, e = a >> excess, -(-b >> excess), e + excess
         if not -LARGEST_EXPONENT < e < LARGEST_EXPONENT:
             raise Undecided("a number out of range")

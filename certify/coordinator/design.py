@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 from certify.bounds.rationals import round_up
 from certify.coordinator.envelope import Comparison, Envelope, envelope
@@ -16,10 +17,19 @@ from symbolic.plant import Interval, Plant
 
 CANDIDATES = tuple((Fraction(a), Fraction(b)) for a, b in ((1, 1), (2, 1), (3, 2), (5, 5)))
 ABOUT = Fraction(11, 10)
-LIFETIMES = 14
-FINE, COARSE = Fraction(1, 3), Fraction(13, 4)  # largest step times fastest rate; COARSE is for means, not for peaks
 LARGEST_GRID = 4096
 COARSE_GRID = 256
+
+
+class Resolution(NamedTuple):
+    """Of the grid: its largest step times the fastest rate, and its length in time constants of the mixing layer."""
+
+    step: Fraction
+    lifetimes: int
+
+
+FINE = Resolution(Fraction(2, 3), 14)
+COARSE = Resolution(Fraction(13, 4), 8)  # for means over all time, not for peaks
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ def design_coordinator(
     optimal_gradients: Sequence[Interval],
     curvatures: Sequence[Interval],
     report: Callable[[str], None] = lambda message: None,
-    resolution: Fraction = FINE,
+    resolution: Resolution = FINE,
 ) -> CoordinatorDesign | Unstable:
     """The pair given in the plant file, or the first candidate whose references move about least, by ``Σ ∫ (ẏ^r)²``;
     proved stable.
@@ -58,11 +68,11 @@ def design_coordinator(
     L, r = laplacian(plant.digraph), left_null_vector(plant.digraph)
     costs = tuple(cost_gradient(agent.cost) for agent in plant.agents)
     references = [agent.initial.reference for agent in plant.agents]
-    horizon = LIFETIMES / mixing_rate(L, r)
+    horizon = resolution.lifetimes / mixing_rate(L, r)
 
     def attempt(alpha: tuple[Fraction, Fraction], limit: int) -> CoordinatorDesign | Unstable:
         model = CoordinatorModel(L, r, alpha[0], alpha[1], costs)
-        step, steps = _grid(model, curvatures, horizon, limit, resolution)
+        step, steps = _grid(model, curvatures, horizon, limit, resolution.step)
         grid = mixing(L, r, step, steps)
         if not all(low > 0 for low in grid.smallest):
             return Unstable(f"ξ is not bounded away from zero on a grid of {steps} steps", 0)
@@ -88,7 +98,7 @@ def design_coordinator(
         )
     energies = [sum((agent.rate_energy for agent in design.envelope.agents), Fraction(0)) for design in rough]
     best = next(design for design, energy in zip(rough, energies, strict=True) if energy <= ABOUT * min(energies))
-    if best.mixing.step == _grid(best.model, curvatures, horizon, LARGEST_GRID, resolution)[0]:
+    if best.mixing.step == _grid(best.model, curvatures, horizon, LARGEST_GRID, resolution.step)[0]:
         return best
     return attempt((best.model.alpha1, best.model.alpha2), LARGEST_GRID)
 
@@ -99,7 +109,7 @@ def _pairs(plant: Plant) -> tuple[tuple[Fraction, Fraction], ...]:
 
 
 def _grid(
-    model: CoordinatorModel, curvatures: Sequence[Interval], horizon: Fraction, limit: int, resolution: Fraction
+    model: CoordinatorModel, curvatures: Sequence[Interval], horizon: Fraction, limit: int, largest: Fraction
 ) -> tuple[Fraction, int]:
     """A dyadic step that resolves the fastest rate of the coordinator, and with ``‖L step‖ ≤ 1``, unless ``limit``
     steps do not suffice for the horizon."""
@@ -107,7 +117,7 @@ def _grid(
     damping = max(curvature.hi / r for curvature, r in zip(curvatures, model.left_null_vector, strict=True))
     fastest = 2 * max(model.alpha1, Fraction(1)) * degree + damping
     step = Fraction(1)
-    while step * max(fastest / resolution, 2 * degree) > 1:
+    while step * max(fastest / largest, 2 * degree) > 1:
         step /= 2
     while horizon / step > limit:
         step *= 2

@@ -15,13 +15,12 @@ from scipy.optimize import linprog
 from certify.tube.covering import least_cover
 from certify.tube.modes import Modes
 
-RATIO = 33 / 32
+RATIO = 17 / 16
 LIFETIMES = 32
 MARGIN = 1e-4
-GROUP = 2
+TANGENT = 1 / 2  # of the largest half width of a cell over a time constant
 GUARD = 1e-4
 ROUNDING = 1e-15
-NEGATIVE = 1e-6
 DENSITY = 1.7
 SLOWEST_SHARE = 0.75
 FASTEST_SHARE = 0.95
@@ -29,6 +28,7 @@ MOST_RATES = 16
 START_WEIGHT = 0.3
 INPUT_WEIGHT = 1e-3
 NEGLIGIBLE = 1e-6
+CANCELLED = 0.01  # the price of what coefficients of different signs cancel: the tube pays for it
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,7 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
     bound = _cell_bounds(modes, ends)
     rates = _rates(modes)
     last = LIFETIMES / float(modes.decay.min())
-    groups = np.append(np.arange(0, len(ends) - 1, GROUP), len(ends) - 1)
-    basis = Basis(ends[groups], rates)
-    grouped = np.maximum.reduceat(bound, groups[:-1], axis=2)
+    basis = Basis(ends, rates)
     size = np.linalg.norm(modes.outputs, axis=1)[:, None] * np.linalg.norm(modes.columns, axis=0)[None, :]
     left, right = _block_norms(modes)
     later = (left * np.exp(-(modes.decay - rates[0]) * last)) @ right
@@ -70,7 +68,7 @@ def kernels(modes: Modes, inputs: int) -> Kernels:
     for i in range(bound.shape[0]):
         for j in range(bound.shape[1]):
             weight = INPUT_WEIGHT if j < inputs else START_WEIGHT
-            coefficients[i, j] = basis.least_majorant(grouped[i, j], 1 / rates + weight / rates[0])
+            coefficients[i, j] = basis.least_majorant(bound[i, j], 1 / rates + weight / rates[0])
             coefficients[i, j, 0] += ROUNDING * size[i, j]
             coefficients[i, j, 0] += _tail_excess(later[i, j], rates, last, coefficients[i, j])
     return Kernels(rates, coefficients, inputs)
@@ -85,7 +83,7 @@ def _rates(modes: Modes) -> np.ndarray:
 
 
 def _cell_bounds(modes: Modes, ends: np.ndarray) -> np.ndarray:
-    """An upper bound of every response on every cell: middle value, slope and curvature."""
+    """Of every response on every cell: what a line has to be above at its start, then at its end."""
     start, middle, half = ends[:-1], (ends[:-1] + ends[1:]) / 2, np.diff(ends) / 2
     moved, slope = _propagate(modes, middle)
     value = np.einsum("ia,taj->ijt", modes.outputs, moved)
@@ -93,7 +91,8 @@ def _cell_bounds(modes: Modes, ends: np.ndarray) -> np.ndarray:
     strength = (modes.decay**2 + modes.frequency**2)[:, None] * np.exp(-np.outer(modes.decay, start))
     left, right = _block_norms(modes)
     curvature = np.einsum("ia,aj,at->ijt", left, right, strength)
-    return np.abs(value) + np.abs(derivative) * half + curvature * half**2 / 2
+    bend = curvature * half**2 / 2
+    return np.concatenate([np.abs(value - derivative * half) + bend, np.abs(value + derivative * half) + bend], axis=2)
 
 
 def _propagate(modes: Modes, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -132,22 +131,29 @@ def _block_norms(modes: Modes) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Basis:
-    """Exponentials on the cells: a positive coefficient counts by the end of a cell, a negative one by its start."""
+    """Lines below and above the exponentials, at the starts and then at the ends of the cells: tangents in the middle
+    or the least value, and chords."""
 
     def __init__(self, ends: np.ndarray, rates: np.ndarray) -> None:
-        self.first, self.last = np.exp(-np.outer(ends[:-1], rates)), np.exp(-np.outer(ends[1:], rates))
+        values = np.exp(-np.outer(ends, rates))
+        middle = np.exp(-np.outer((ends[:-1] + ends[1:]) / 2, rates))
+        turns = np.outer(np.diff(ends) / 2, rates)
+        self.below = np.vstack(
+            [np.where(turns <= TANGENT * (1 - 1e-9), middle * (1 + sign * turns), values[1:]) for sign in (1, -1)]
+        )
+        self.above = np.vstack([values[:-1], values[1:]])
 
     def least_majorant(self, bound: np.ndarray, price: np.ndarray) -> np.ndarray:
         """The cheapest coefficients, at a price per rate, whose sum is above ``bound`` on every cell."""
         largest = float(bound.max())
         if largest <= 0:
             return np.zeros(len(price))
-        need = np.maximum(bound / largest, NEGLIGIBLE * self.last[:, 0])[:, None]
-        signed = np.hstack([self.last, -self.first]) / need
-        prices = np.concatenate([price, NEGATIVE * price[0] - price])
+        need = np.maximum(bound / largest, NEGLIGIBLE * self.below[:, 0])[:, None]
+        signed = np.hstack([self.below, -self.above]) / need
+        prices = np.concatenate([price * (1 + CANCELLED), price * (CANCELLED - 1)])
         positive, negative = np.split(_cheapest(signed, prices), 2)
-        lower = self.last @ positive - self.first @ negative
-        lacking = float(np.max((need[:, 0] - lower) / self.last[:, 0], initial=0.0))
+        lower = self.below @ positive - self.above @ negative
+        lacking = float(np.max((need[:, 0] - lower) / self.below[:, 0], initial=0.0))
         positive[0] += lacking + MARGIN * float(positive.sum() + negative.sum()) * GUARD
         return (positive - negative) * largest * (1 + MARGIN)
 

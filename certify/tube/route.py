@@ -36,7 +36,7 @@ def tube_agent(
     if isinstance(found, NoChoice):
         reason = found.reason + _nearest(trials, prepared.plant.gains, report)
         return AgentResult(derived.id, "inconclusive", reason, linear=linear), None, None
-    default = found[0].trial
+    default = _coarsened(trials, found[0].trial, prepared, index)
     controller = tube_controller(default)
     peak = [round_up(Fraction(float(value)), BOX_BITS) for value in _peak(default)]
     names = [str(z) for z in model.agent.zero_states] + [str(x) for x in model.agent.chain] + ["vartheta", "input"]
@@ -57,6 +57,11 @@ def tube_agent(
         ),
     )
     return result, controller, tube_witness(default)
+
+
+def _coarsened(trials: AgentTrials, trial: Trial, prepared: Prepared, index: int) -> Trial:
+    own = trials if trial.model is trials.model else AgentTrials(trial.model, prepared.coordinator.envelope, index)
+    return own.coarsened(trial)
 
 
 def _peak(trial: Trial) -> np.ndarray:

@@ -124,11 +124,17 @@ class Comparison:
 
 
 def tube(
-    comparison: Comparison, surroundings: Surroundings, state: np.ndarray, known: Ranges, begin: float, highest: float
+    comparison: Comparison,
+    surroundings: Surroundings,
+    state: np.ndarray,
+    known: Ranges,
+    begin: float,
+    highest: float,
+    share: float = 0.0,
 ) -> Tube | TubeFailure:
     """Boxes from ``begin`` to the end of the coordinator's grid, and the tail; or the time at which no box was
     found. ``state`` bounds ``Y``, ``known`` are ranges of ``z`` at ``begin``; it is given up when ``|ϑ̃|`` passes
-    ``highest``."""
+    ``highest``. A step may be as long as ``share`` of the time so far, if that is more than the usual limit."""
     p = comparison.start(state)
     time, length = begin, FIRST_STEP / float(comparison.kernels.rates.max())
     shortest = length * SMALLEST_STEP_RATIO
@@ -139,7 +145,7 @@ def tube(
     while time < surroundings.horizon:
         if len(boxes) >= MOST_STEPS:
             return TubeFailure(time, f"the increments leave room for steps of {length:.1e} s only")
-        length = min(length, LARGEST_STEP, max(surroundings.horizon - time, shortest) * 1.001)
+        length = min(length, max(LARGEST_STEP, share * time), max(surroundings.horizon - time, shortest) * 1.001)
         length = _short(length)
         found = _box(comparison, p, guess, surroundings.during(time, time + length), known, length)
         if found is None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -33,6 +33,8 @@ WAY_SHARE = 1 / 8  # of the reference's way, which is a unit of ϑ where agents 
 PROGRESS = 1.02  # ratio of times of escape below which a higher saturation level is no help
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
+COARSE = (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32)  # steps of the tube, as shares of the time so far
+BLURRED = 1 + 1 / 64
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,11 @@ class Trial:
     def needed(self) -> float:
         """``K`` times the largest ``|ϑ̃|`` after the first phase, which ``δ`` must not be below."""
         return float(self.gains.K) * float(self.tube.peak[-2])
+
+    @property
+    def fits(self) -> bool:
+        """The saturation is not active after the first phase."""
+        return self.needed * (1 + 1e-9) <= float(self.delta)
 
 
 @dataclass(frozen=True)
@@ -114,8 +121,7 @@ class AgentTrials:
 
     def tightened(self, trial: Trial) -> Trial:
         """The same gains with a saturation level that is less by up to a factor of two, if one does."""
-        comparison = Comparison(trial.kernels, self.increments, self._feedback(trial.gains))
-        loop = _Loop(trial.gains, trial.modes, comparison, self._furthest(trial.gains))
+        loop = _Loop(trial.gains, trial.modes, self._comparison(trial), self._furthest(trial.gains))
         high, low = float(trial.delta), float(trial.delta) / 2
         for _ in range(TIGHTENINGS):
             middle = _short_up(float(np.sqrt(low * high)))
@@ -124,6 +130,17 @@ class AgentTrials:
                 trial, high = result, float(middle)
             else:
                 low = float(middle)
+        return trial
+
+    def coarsened(self, trial: Trial) -> Trial:
+        """The same claim with fewer steps in the tube, so that it is checked sooner, if the bounds hardly suffer."""
+        gains, reached, comparison = trial.gains, trial.reached, self._comparison(trial)
+        for share in COARSE:
+            found = self._tube(comparison, reached, trial.delta, gains, share)
+            if isinstance(found, Tube) and len(found.boxes) < len(trial.tube.boxes):
+                coarse = replace(trial, tube=found)
+                if coarse.fits and np.all(found.peak <= BLURRED * trial.tube.peak):
+                    return coarse
         return trial
 
     def _least_level(self, loop: _Loop, share: float) -> Trial | TrialFailure:
@@ -169,16 +186,24 @@ class AgentTrials:
         reached = self._reach(comparison, gains, level)
         if isinstance(reached, Stuck):
             return _Missed(reached.reason, max(level * DELTA_GROWTH, NEARLY * K * reached.vartheta))
-        result = tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, FAR * level / K)
+        result = self._tube(comparison, reached, delta, gains)
         if isinstance(result, TubeFailure):
             reason, escape = f"at t = {result.time:.4g}: {result.reason}", None if result.settled else result.time
             return _Missed(reason, level * DELTA_GROWTH, result.time, escape)
         trial = Trial(self.model, gains, delta, self.nominal, loop.modes, comparison.kernels, reached, result)
-        needed = trial.needed * (1 + 1e-9)
-        if needed <= level:
+        if trial.fits:
             return trial
-        reason = f"the saturation level {level:.4g} is reached: the tube needs {needed:.4g}"
-        return _Missed(reason, needed * DELTA_MARGIN)
+        reason = f"the saturation level {level:.4g} is reached: the tube needs {trial.needed:.4g}"
+        return _Missed(reason, trial.needed * DELTA_MARGIN)
+
+    def _comparison(self, trial: Trial) -> Comparison:
+        return Comparison(trial.kernels, self.increments, self._feedback(trial.gains))
+
+    def _tube(
+        self, comparison: Comparison, reached: Reached, delta: Fraction, gains: LoopGains, share: float = 0.0
+    ) -> Tube | TubeFailure:
+        highest = FAR * float(delta) / float(gains.K)
+        return tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, highest, share)
 
     def _furthest(self, gains: LoopGains) -> float:
         """``K`` times the largest ``|ϑ(0)|``, the unit of saturation levels. Agents may start where they are asked to

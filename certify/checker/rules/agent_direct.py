@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 
 from certify.checker.certificate import MAX_STATES, AgentClaim, DirectAgentWitness
+from certify.checker.linear import Row
 from certify.checker.plant import Agent
 from certify.checker.rules import kernels, loop, tube
 from certify.checker.rules.assumptions import AgentFacts
 from certify.checker.rules.first_phase import FirstPhase
 from certify.checker.rules.increments import Increments
+from certify.checker.rules.observer import Table
 from certify.checker.rules.reference import Reference
 from certify.checker.rules.surroundings import Exosystem, Outside
 from certify.checker.rules.zero_ranges import ZeroRanges
@@ -32,14 +34,14 @@ def prove_design(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -
 
 
 def prove_tube(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness, reference: Reference, exosystem: Exosystem,
-               known: AgentFacts) -> None:
+               known: AgentFacts, tabulate: Callable[[Row], Table]) -> None:
     """From the initial set on, for ever. Raises ``Rejected``."""
     name = f"agent {agent.id}"
     require(witness.grid[-1] >= reference.end, f"{name}: t_m ≥ T0", t_m=witness.grid[-1], T0=reference.end)
     with obligation(name):
         outside = Outside(exosystem, reference, witness.steady_state, agent.parameters)
         increments = Increments(agent, reference.optimum, known.w, ZeroRanges(name, agent, witness.ranges))
-        start = FirstPhase(name, agent, claim, witness, known, outside, increments).at_end()
+        start = FirstPhase(name, agent, claim, witness, known, outside, increments, tabulate).at_end()
         tube.prove(name, loop.build(agent, claim, witness), claim, witness, known.b, outside, increments, start)
 
 

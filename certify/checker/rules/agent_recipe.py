@@ -18,12 +18,13 @@ from certify.checker.linear import Matrix
 from certify.checker.plant import Agent
 from certify.checker.rules.assumptions import AgentFacts, Facts
 from certify.checker.rules.coordinator import AgentEnvelope
+from certify.checker.rules.loop import observer_matrix
 from certify.checker.subdivision import CUTS, supremum
 from certify.checker.verdict import Malformed, Rejected, Undecided, obligation, require, show
 
 ZERO = Interval(0, 0)
 MAX_FREE_ENTRIES = 12
-STEADY_STATE_CUTS = 8
+STEADY_STATE_CUTS = 6
 
 
 def prove_design(agent: Agent, claim: AgentClaim, witness: AgentWitness) -> None:
@@ -45,10 +46,8 @@ def prove_design(agent: Agent, claim: AgentClaim, witness: AgentWitness) -> None
     require(claim.h is None or claim.h >= claim.g, f"{name}: h ≥ g", h=claim.h, g=claim.g)
     _lyapunov(f"{name}: MᵀP2 + P2 M ⪯ −I", claim.M, witness.P2)
     if n > 1:
-        shift = linear.identity(n)[1:]
         _lyapunov(f"{name}: A_cᵀP1 + P1 A_c ⪯ −I", [*linear.identity(n - 1)[1:], [-c for c in claim.gamma]], witness.P1)
-        E3 = [[-c, *row[1:]] for c, row in zip(reversed(claim.observer), [*shift, [Fraction(0)] * n], strict=True)]
-        _lyapunov(f"{name}: E3ᵀP3 + P3 E3 ⪯ −I", E3, witness.P3)
+        _lyapunov(f"{name}: E3ᵀP3 + P3 E3 ⪯ −I", observer_matrix(claim.observer), witness.P3)
 
 
 def _lyapunov(name: str, A: Matrix, P: Matrix) -> None:

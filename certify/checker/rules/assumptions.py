@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -9,7 +10,7 @@ from functools import partial
 
 from certify.checker import functions, linear
 from certify.checker.certificate import AgentClaim, AgentWitness, Certificate, DirectAgentWitness
-from certify.checker.expressions import Name, Node, evaluate, names_in, parse
+from certify.checker.expressions import Name, Node, evaluate, occurrences, parse
 from certify.checker.intervals import Interval, between, enclose, quadratic_bound, symmetric
 from certify.checker.linear import Matrix
 from certify.checker.plant import Agent, Plant
@@ -134,8 +135,10 @@ class _AgentProof:
         require(self.algebra.vanishes(value), f"{self.name}: {name}", terms_left=len(value.top.terms))
 
     def range(self, node: Node, v: Mapping[str, Interval], cuts: int) -> Interval:
-        box = {"s": self.optimum, **v, **self.w}
-        return value_range(lambda piece: evaluate(node, piece, enclose, functions.call), box, names_in(node), cuts)
+        """Exact enough as it is along a name that occurs but once: the others are cut."""
+        box, count = {"s": self.optimum, **v, **self.w}, Counter(occurrences(node))
+        repeated = [name for name in count if count[name] > 1]
+        return value_range(lambda piece: evaluate(node, piece, enclose, functions.call), box, repeated, cuts)
 
     def steady_state(self, v: Mapping[str, Interval], cuts: int) -> list[Interval]:
         """``[z*]``; that it can be enclosed proves that its denominators do not vanish."""

@@ -67,8 +67,14 @@ class Norm:
 
 def extremes(polynomial: Sequence[int]) -> tuple[int, int]:
     """Bounds of the polynomial on ``[0, 1]``."""
-    start, *rest = polynomial
-    return start + sum(c for c in rest if c < 0), start + sum(c for c in rest if c > 0)
+    low, *rest = polynomial
+    high = low
+    for c in rest:
+        if c < 0:
+            low += c
+        else:
+            high += c
+    return low, high
 
 
 def root_mean_square(polynomial: Sequence[int]) -> int:

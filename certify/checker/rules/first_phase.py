@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 from certify.checker import linear
 from certify.checker.certificate import AgentClaim, DirectAgentWitness
 from certify.checker.intervals import Interval, between, enclose, total
+from certify.checker.linear import Row
 from certify.checker.plant import Agent
 from certify.checker.rules import loop
 from certify.checker.rules.assumptions import AgentFacts
 from certify.checker.rules.increments import Increments, Slopes, increment
-from certify.checker.rules.observer import Observer
+from certify.checker.rules.observer import Observer, Table
 from certify.checker.rules.surroundings import Outside, Surroundings
 from certify.checker.slopes import ZERO
 from certify.checker.subdivision import CUTS
@@ -44,7 +45,7 @@ class FirstPhase:
     """Of one agent, from its initial box to ``T1``."""
 
     def __init__(self, name: str, agent: Agent, claim: AgentClaim, witness: DirectAgentWitness, known: AgentFacts,
-                 outside: Outside, increments: Increments) -> None:
+                 outside: Outside, increments: Increments, tabulate: Callable[[Row], Table]) -> None:
         self.name, self.agent, self.claim, self.known = name, agent, claim, known
         self.phase, self.nominal_b = witness.phase1, witness.nominal.b
         self.outside, self.increments = outside, increments
@@ -55,7 +56,8 @@ class FirstPhase:
         shift = [*[Fraction(0)] * (self.nz + 1), *self.theta[:-1]]
         self.by_theta = [a + b for a, b in zip(self.by_last, shift, strict=True)]
         self.MN = linear.apply(claim.M, claim.N)
-        self.observer = Observer(claim, self.error_at_start()) if claim.h and self.phase.boxes else None
+        self.observer = (Observer(claim.h, tabulate(claim.observer), self.error_at_start())
+                         if claim.h and self.phase.boxes else None)
 
     def shift(self, of_last: Fraction) -> list[Interval]:
         return [*self.unshifted[1:], enclose(of_last)]

@@ -1,7 +1,7 @@
 """Section 2 of docs/certificate-direct.md: ``|(C e^(At) J)_ij| ≤ Σ_a c_ija e^(−μ_a t)`` for all ``t ≥ 0``.
 
 In the witness's coordinates ``A`` is a block-diagonal ``Λ`` up to ``ε``; the exponentials and damped rotations of
-``Λ`` are bounded on cells ``[t, t + 2d]`` from value and slope at the middle, and after the cells by their norms.
+``Λ`` are bounded on cells ``[t, t + 2d]`` by lines through the middle, and after the cells by their norms.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from certify.checker.linear import Matrix
 from certify.checker.rules.loop import Loop
 from certify.checker.verdict import Undecided, require, spend
 
-GROWTH = Fraction(33, 32)
+GROWTH = Fraction(17, 16)
 FIRST = 64  # the first cell is 1/64 of the shortest time constant
 LAST = 32  # the cells end after 32 of the longest
 MAX_CELLS = 4_096
 CHUNK = 256
 END_BITS = 64
+TANGENT = ball(Fraction(1, 2))  # the largest μ d for which the line below e^(−μ s) is the tangent at the middle
 
 
 @dataclass(frozen=True)
@@ -81,19 +82,18 @@ class _Kernels:
     def check(self) -> None:
         cells = list(self.cells())
         spend(3 * len(self.pairs) * len(cells) * (10 + len(self.C[0]) + len(self.rates)))
-        values, slopes = self.weights()
+        values = [self.weights(i, j) for i, j in self.pairs]
         for row in range(0, len(self.pairs), CHUNK):
             part = slice(row, row + CHUNK)
             weights = zip(self.c[part], self.products[part], self.rest[part], strict=True)
             margin = arb_mat([[*map(_positive, c), *map(_negative, c), *[-entry for entry in sizes], -rest]
                               for c, sizes, rest in weights])
-            matrices = arb_mat(values[part]), arb_mat(slopes[part]), margin
             for start in range(0, len(cells), CHUNK):
-                self.check_cells(row, cells[start : start + CHUNK], *matrices)
+                self.check_cells(row, cells[start : start + CHUNK], arb_mat(values[part]), margin)
         self.check_tail(cells[-1][1])
 
     def cells(self) -> Iterator[tuple[Fraction, Fraction]]:
-        """``[0, τ]``, then ``[t, 33/32 t]`` with ends rounded to short numbers, up to the first end beyond ``32/σ``."""
+        """``[0, τ]``, then ``[t, 17/16 t]`` with ends rounded to short numbers, up to the first end beyond ``32/σ``."""
         fastest = max(interval(mode.square.sqrt()).hi for mode in self.modes)
         last = Fraction(LAST) / interval(self.slowest).lo
         start, end = Fraction(0), _short(1 / (FIRST * fastest))
@@ -104,45 +104,35 @@ class _Kernels:
             start, end = end, _short(end * GROWTH)
         raise Undecided("the modes are too far apart")
 
-    def weights(self) -> tuple[list[list[arb]], list[list[arb]]]:
-        """Per pair the coefficients of ``k`` and ``k'`` in the functions of the modes."""
-        values, slopes = [], []
-        for i, j in self.pairs:
-            value, slope = [], []
-            for mode in self.modes:
-                c, b = self.C[i][mode.at : mode.at + mode.size], self.J[j][mode.at : mode.at + mode.size]
-                if mode.size == 1:
-                    value.append(c[0] * b[0])
-                    slope.append(mode.real * c[0] * b[0])
-                else:
-                    even, odd = c[0] * b[0] + c[1] * b[1], c[0] * b[1] - c[1] * b[0]
-                    value += [even, odd]
-                    slope += [mode.real * even + mode.turn * odd, mode.real * odd - mode.turn * even]
-            values.append(value)
-            slopes.append(slope)
-        return values, slopes
+    def weights(self, i: int, j: int) -> list[arb]:
+        """The coefficients of the modes' functions in ``k``."""
+        result = []
+        for mode in self.modes:
+            c, b = self.C[i][mode.at : mode.at + mode.size], self.J[j][mode.at : mode.at + mode.size]
+            result.append(sum((x * y for x, y in zip(c, b, strict=True)), arb(0)))
+            if mode.size == 2:
+                result.append(c[0] * b[1] - c[1] * b[0])
+        return result
 
-    def check_cells(self, row: int, cells: list[tuple[Fraction, Fraction]], values: arb_mat, slopes: arb_mat,
-                    margin: arb_mat) -> None:
-        """``|k(m)| + |k'(m)| d ≤ Σ_a (c_a⁺ e^(−μ_a(t+2d)) − c_a⁻ e^(−μ_a t)) − ½d² Σ_a |C'_a||J'_a||λ_a|² e^(−σ_a t)
-        − η e^(−μ_1 t)``."""
-        basis, scaled, bounds = [], [], []
+    def check_cells(self, row: int, cells: list[tuple[Fraction, Fraction]], values: arb_mat, margin: arb_mat) -> None:
+        """``|k(m) ± d k'(m)| ≤ Σ_a (c_a⁺ L_a − c_a⁻ U_a) − ½d² Σ_a |C'_a||J'_a||λ_a|² e^(−σ_a t) − η e^(−μ_1 t)`` at
+        both ends of each cell, ``L_a`` and ``U_a`` lines below and above ``e^(−μ_a s)`` on it."""
+        lines, rooms = [], []
         for start, end in cells:
-            m, d = ball((start + end) / 2), ball((end - start) / 2)
-            at_middle = [entry for mode in self.modes for entry in _functions(mode, m)]
-            basis.append(at_middle)
-            scaled.append([d * entry for entry in at_middle])
-            t, last = ball(start), ball(end)
-            bend = d**2 / 2
-            at_start = [(-rate * t).exp() for rate in self.rates]
-            bounds.append([*((-rate * last).exp() for rate in self.rates), *at_start,
-                           *(bend * mode.square * (mode.real * t).exp() for mode in self.modes), at_start[0]])
-        k, dk, room = (left * arb_mat(right).transpose()
-                       for left, right in ((values, basis), (slopes, scaled), (margin, bounds)))
+            m, d, times = ball((start + end) / 2), ball((end - start) / 2), map(ball, (start, (start + end) / 2, end))
+            at_start, at_middle, at_end = ([(-rate * time).exp() for rate in self.rates] for time in times)
+            functions = [pair for mode in self.modes for pair in _functions(mode, m)]
+            bends = [d**2 / 2 * mode.square * (mode.real * ball(start)).exp() for mode in self.modes]
+            for step, above in ((-d, at_start), (d, at_end)):
+                lines.append([value + step * slope for value, slope in functions])
+                below = [middle * (1 - rate * step) if rate * d <= TANGENT else last
+                         for rate, middle, last in zip(self.rates, at_middle, at_end, strict=True)]
+                rooms.append([*below, *above, *bends, at_start[0]])
+        k, room = (left * arb_mat(right).transpose() for left, right in ((values, lines), (margin, rooms)))
         for pair in range(k.nrows()):
-            for cell in range(len(cells)):
-                if not abs(k[pair, cell]) + abs(dk[pair, cell]) <= room[pair, cell]:
-                    self.reject(row + pair, cells[cell], abs(k[pair, cell]) + abs(dk[pair, cell]), room[pair, cell])
+            for at in range(len(lines)):
+                if not abs(k[pair, at]) <= room[pair, at]:
+                    self.reject(row + pair, cells[at // 2], abs(k[pair, at]), room[pair, at])
 
     def check_tail(self, end: Fraction) -> None:
         """``Σ_a |C'_a||J'_a| e^(−(σ_a−μ_1)T) + η ≤ c_1 − Σ_(a>1) c_a⁻ e^(−(μ_a−μ_1)T)``"""
@@ -200,10 +190,13 @@ def _norm(entries: Sequence[arb]) -> arb:
     return sum((entry.abs_upper() ** 2 for entry in entries), arb(0)).sqrt()
 
 
-def _functions(mode: Mode, t: arb) -> list[arb]:
-    """``e^(Re λ t)``, or that times ``cos`` and ``sin`` of ``Im λ t``."""
+def _functions(mode: Mode, t: arb) -> list[tuple[arb, arb]]:
+    """``e^(Re λ t)``, or that times ``cos`` and ``sin`` of ``Im λ t``, with their derivatives."""
     size = (mode.real * t).exp()
-    return [size] if mode.size == 1 else [size * (mode.turn * t).cos(), size * (mode.turn * t).sin()]
+    if mode.size == 1:
+        return [(size, mode.real * size)]
+    even, odd = size * (mode.turn * t).cos(), size * (mode.turn * t).sin()
+    return [(even, mode.real * even - mode.turn * odd), (odd, mode.real * odd + mode.turn * even)]
 
 
 def _short(value: Fraction) -> Fraction:

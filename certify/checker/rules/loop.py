@@ -11,7 +11,7 @@ from fractions import Fraction
 
 from certify.checker import linear
 from certify.checker.certificate import AgentClaim, DirectAgentWitness
-from certify.checker.linear import Matrix
+from certify.checker.linear import Matrix, Row
 from certify.checker.plant import Agent
 
 Vector = list[Fraction]
@@ -40,11 +40,11 @@ def size_of(agent: Agent, s: int) -> int:
     return len(agent.zero_states) + agent.order * (1 if agent.order == 1 else 2) + s
 
 
-def observer_matrix(claim: AgentClaim) -> Matrix:
+def observer_matrix(observer: Row) -> Matrix:
     """``E3``: the companion matrix with ``−c_n … −c_1`` in its first column."""
-    n = len(claim.observer)
+    n = len(observer)
     shift = [*linear.identity(n)[1:], [Fraction(0)] * n]
-    return [[-c, *row[1:]] for c, row in zip(reversed(claim.observer), shift, strict=True)]
+    return [[-c, *row[1:]] for c, row in zip(reversed(observer), shift, strict=True)]
 
 
 def theta(claim: AgentClaim) -> Vector:
@@ -75,7 +75,7 @@ def build(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -> Loop:
     rows += [list(unit[x + k]) for k in range(1, n)] + [push]
     rows += [_plus(placed(eta, row), N, v) for row, N in zip(claim.M, claim.N, strict=True)]
     if claim.h is not None:
-        own = [placed(e, [claim.h * entry for entry in row]) for row in observer_matrix(claim)]
+        own = [placed(e, [claim.h * entry for entry in row]) for row in observer_matrix(claim.observer)]
         rows += [*own[:-1], _plus(own[-1], 1, push)]
 
     forced = list(unit[x + n - 1])

@@ -1,4 +1,4 @@
-"""The graph-balancing layer ``X(t) = e^(−Lt)`` on a grid, in fixed-point integers: ``n`` stands for ``n/2^192``."""
+"""The graph-balancing layer ``X(t) = e^(−Lt)`` on a grid, in fixed-point integers: ``n`` stands for ``n/2^128``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from certify.checker.intervals import Interval
 from certify.checker.linear import Matrix, dot
 from certify.checker.verdict import require
 
-SCALE = 192
+SCALE = 128
 UNIT = 1 << SCALE
-TERMS = 50  # of the series of e^(−LΔ): 3/50! < 2^−192
+TERMS = 36  # of the series of e^(−LΔ): 3/36! < 2^−128
 ORDER = 6  # of the polynomials in the time within a step
 
 

@@ -11,9 +11,8 @@ from flint import arb_mat
 
 from certify.checker import linear
 from certify.checker.balls import BITS, above, ball, balls, exact, interval, precision
-from certify.checker.certificate import AgentClaim
 from certify.checker.intervals import Interval
-from certify.checker.linear import Matrix
+from certify.checker.linear import Matrix, Row
 from certify.checker.rules.loop import observer_matrix
 from certify.checker.verdict import Undecided, spend
 
@@ -31,19 +30,23 @@ class Table:
     area: arb_mat
 
 
-def tabulate(E3: Matrix) -> Table:
+def tabulate(observer: Row) -> Table:
     """From ``E_j = e^(E3 j·step)`` to second order, until it is small. Raises ``Undecided`` if it stays large."""
+    with precision(BITS):
+        return _tabulate(observer_matrix(observer))
+
+
+def _tabulate(E3: Matrix) -> Table:
     n, step = len(E3), Fraction(1, 1 << (ceil(4 * linear.row_sum_bound(E3)) - 1).bit_length())
     E, d = balls(exact(E3)), ball(step)
     once, twice, later = E * d, E * E * d**2, (_sizes(E) * d).exp()
     powers, sums = [balls(exact(linear.identity(n))), once.exp()], arb_mat(n, n)
     covers: list[arb_mat] = []
-    while not _is_small(powers[len(covers)]):
+    while not _is_small(value := _sizes(now := powers[len(covers)])):
         if len(covers) == MOST:
             raise Undecided("the observer is too slow")
         spend(500 + 200 * n**2)
-        now = powers[len(covers)]
-        value, slope, bend = _sizes(now), _sizes(once * now), _sizes(twice * now) * later
+        slope, bend = _sizes(once * now), _sizes(twice * now) * later
         covers.append(value + slope + bend / 2)
         sums += (value + slope / 2 + bend / 6) * d
         if len(covers) == len(powers):
@@ -56,11 +59,9 @@ def tabulate(E3: Matrix) -> Table:
 class Observer:
     """Bounds of ``|e|`` from its start on, for an agent with an observer."""
 
-    def __init__(self, claim: AgentClaim, at_start: Sequence[Interval]) -> None:
-        assert claim.h is not None
-        self.h = claim.h
+    def __init__(self, h: Fraction, table: Table, at_start: Sequence[Interval]) -> None:
+        self.h, self.table = h, table
         with precision(BITS):
-            self.table = tabulate(observer_matrix(claim))
             self.start = arb_mat([[above(size)] for size in at_start])
 
     def error(self, t: Fraction, acceleration: Interval) -> list[Interval]:
@@ -79,7 +80,8 @@ def _beyond(A: arb_mat) -> arb_mat:
 
 
 def _is_small(A: arb_mat) -> bool:
-    return all(sum(row[1:], row[0]) <= ball(SMALL) for row in _sizes(A).tolist())
+    small = ball(SMALL)
+    return all(sum(row[1:], row[0]) <= small for row in A.tolist())
 
 
 def _sizes(A: arb_mat) -> arb_mat:

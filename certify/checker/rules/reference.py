@@ -23,7 +23,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Step:
-    """The same in units of 2^-192: ``low ≤ y^r ≤ high``."""
+    """The same in units of 2^-128: ``low ≤ y^r ≤ high``."""
 
     low: int
     high: int

@@ -46,8 +46,8 @@ class Stepper:
         """``consensus = α1ΔL`` and ``feedback = α2ΔB``."""
         self.costs = costs
         q = self.q = lcm(*map(linear.common_denominator, (consensus, feedback)), step.denominator)
-        self.consensus = [[int(entry * q) for entry in row] for row in consensus[:-1]]
-        self.pull = [[int(entry * q) for entry in (*row, *more)] for row, more in zip(consensus, feedback, strict=True)]
+        whole = ([[int(entry * q) for entry in row] for row in matrix] for matrix in (consensus, feedback))
+        self.consensus, self.feedback = whole
         self.q_step = int(q * step)
         self.affine = [_integers(*cost.affine) if cost.affine else None for cost in costs]
 
@@ -60,8 +60,9 @@ class Stepper:
         drifts: list[list[int]] = []  # q α1Δ(Lŷ)_(1…N−1)
         pulls: list[list[int]] = []  # q (α1ΔLŷ + α2ΔBω̂)
         for j in range(ORDER + 1):
-            drifts.append([dot(row, ys[j]) for row in self.consensus])
-            pulls.append([dot(row, ys[j] + omegas[j]) for row in self.pull])
+            flows = [dot(row, ys[j]) for row in self.consensus]
+            drifts.append(flows[:-1])
+            pulls.append(list(map(add, flows, [dot(row, omegas[j]) for row in self.feedback])))
             if j == ORDER:
                 break
             for u, slope, value, x in zip(us, slopes, ys[j], xi, strict=True):
@@ -96,9 +97,7 @@ class Stepper:
     def defect(self, cost: Cost, slope: Slope, y: list[int], rate: list[int], xi: list[int], error: int, xi_low: int
                ) -> int:
         """``|ρ|`` from ``−q Δ ξ ρ = q Δ (c'(y_0) + σd + (c'' − σ)d) + ξ·rate`` with ``d = ŷ − y_0``."""
-        backwards = rate[::-1]
-        result = [dot(xi[: k + 1], backwards[ORDER - k :]) for k in range(ORDER)]
-        result += [dot(xi[k:], backwards[: ORDER + 1 - k]) for k in range(ORDER + 1)]
+        result = _product(xi, rate)
         result[0] += self.q_step * slope.value * UNIT
         for j in range(1, ORDER + 1):
             result[j] += self.q_step * slope.sigma * y[j] << SCALE - SLOPE_BITS
@@ -110,6 +109,15 @@ class Stepper:
         bound = sum(map(abs, result)) + error * sum(map(abs, rate))
         bound += self.q_step * (slope.error * UNIT + spread * distance)
         return bound // (self.q_step * xi_low) + 1
+
+
+def _product(x: list[int], y: list[int]) -> list[int]:
+    """Of two polynomials."""
+    result = [0] * (len(x) + len(y) - 1)
+    for i, a in enumerate(x):
+        for k, b in enumerate(y, i):
+            result[k] += a * b
+    return result
 
 
 def _integers(a: Fraction, b: Fraction) -> tuple[int, int, int, int, int]:

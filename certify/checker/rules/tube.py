@@ -19,7 +19,7 @@ from certify.checker.rules.loop import Loop
 from certify.checker.rules.surroundings import Outside, Surroundings
 from certify.checker.verdict import Rejected, Undecided, require, spend
 
-ZERO = arb(0)
+ZERO, ONE = arb(0), arb(1)
 SUBSTEPS = 10
 
 
@@ -95,13 +95,15 @@ class _Tube:
 
     def instants(self, duration: arb) -> tuple[list[list[arb]], list[list[arb]]]:
         """Rows of ``e^(−μ_a τ_l)``, and of ``e^(−μ_a τ_l) min(1 − e^(−μ_a δ_l), (μ_a δ_l)²/8)``."""
-        times = [ZERO, *(duration / (1 << SUBSTEPS - k) for k in range(1, SUBSTEPS + 1))]
-        left = [[(-rate * t).exp() for rate in self.rates] for t in times]
-        over = []
+        turns = [rate * duration / (1 << SUBSTEPS - 1) for rate in self.rates]  # 0, 1, 2, 4, … times these
+        left, over = [[ONE] * len(turns), [(-turn).exp() for turn in turns]], []
+        while len(left) <= SUBSTEPS:
+            left.append([entry**2 for entry in left[-1]])
+        bends = [turn**2 / 8 for turn in turns]
         for at in range(SUBSTEPS):
-            length = times[at + 1] - times[at]
-            over.append([(now - later).min(now * (rate * length) ** 2 / 8)
-                         for now, later, rate in zip(left[at], left[at + 1], self.rates, strict=True)])
+            both = zip(*left[at : at + 2], bends, strict=True)
+            over.append([(now - later).min(now * bend) for now, later, bend in both])
+            bends = [bend * 4 for bend in bends] if at else bends
         return left, over
 
     def tail(self, outside: Outside) -> None:
