@@ -70,12 +70,12 @@ ROTATION = [[-1.0, 5.0], [-5.0, -1.0]]
 
 
 def test_a_damped_rotation_is_one_block_of_two() -> None:
-    c = [[["13/10"]] * 2] * 2
-    prove(ROTATION, np.eye(2), [2], [Fraction(9, 10)], c)
+    c = [[["11/10"]] * 2] * 2
+    prove(ROTATION, np.eye(2), [2], [Fraction(3, 4)], c)
     with pytest.raises(Rejected, match="μ_1 < σ − ε"):
-        prove(ROTATION, np.eye(2), [1, 1], [Fraction(9, 10)], c)
+        prove(ROTATION, np.eye(2), [1, 1], [Fraction(3, 4)], c)
     with pytest.raises(Rejected, match="kernels"):
-        prove(ROTATION, np.eye(2), [2], [Fraction(9, 10)], [[["13/10"], ["9/10"]], [["13/10"]] * 2])
+        prove(ROTATION, np.eye(2), [2], [Fraction(3, 4)], [[["11/10"], ["9/10"]], [["11/10"]] * 2])
 
 
 def test_a_defective_matrix_is_near_no_diagonal_one() -> None:

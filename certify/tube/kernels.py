@@ -15,7 +15,8 @@ from scipy.optimize import linprog
 from certify.tube.covering import least_cover
 from certify.tube.modes import Modes
 
-RATIO = 17 / 16
+COARSEST, FINEST = 16, 512  # the start of a cell over its width
+MOST_CELLS = 8192
 LIFETIMES = 32
 MARGIN = 1e-4
 TANGENT = 1 / 2  # of the largest half width of a cell over a time constant
@@ -47,11 +48,18 @@ class Kernels:
 
 
 def cells(modes: Modes) -> np.ndarray:
-    """Ends of the cells, from 0 to beyond ``32/σ``, on which the majorants are checked."""
-    fastest = float(np.max(np.hypot(modes.decay, modes.frequency)))
-    first = 1 / (64 * fastest)
-    count = int(np.ceil(np.log((LIFETIMES + 1) / float(modes.decay.min()) / first) / np.log(RATIO))) + 1
-    return np.concatenate([[0.0], first * RATIO ** np.arange(count + 1)])
+    """Ends of the cells, from 0 to beyond ``32/σ``, on which the majorants are checked; they are short where a mode
+    turns often while it decays."""
+    turns = np.abs(modes.frequency)
+    turning = turns > 4 * modes.decay
+    decay, turns = modes.decay[turning].tolist(), turns[turning].tolist()
+    ends = [0.0, 1 / (64 * float(np.max(np.hypot(modes.decay, modes.frequency))))]
+    last = (LIFETIMES + 1) / float(modes.decay.min())
+    while ends[-1] < last and len(ends) <= MOST_CELLS:
+        t = ends[-1]
+        widths = [max(t / FINEST, (1 + slow * t) / (4 * turn)) for slow, turn in zip(decay, turns, strict=True)]
+        ends.append(t + min([t / COARSEST, *widths]))
+    return np.array(ends)
 
 
 def kernels(modes: Modes, inputs: int) -> Kernels:

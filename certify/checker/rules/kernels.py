@@ -19,10 +19,10 @@ from certify.checker.linear import Matrix
 from certify.checker.rules.loop import Loop
 from certify.checker.verdict import Undecided, require, spend
 
-GROWTH = Fraction(17, 16)
+COARSEST, FINEST = 16, 512  # the start of a cell over its width
 FIRST = 64  # the first cell is 1/64 of the shortest time constant
 LAST = 32  # the cells end after 32 of the longest
-MAX_CELLS = 4_096
+MAX_CELLS = 8_192
 CHUNK = 256
 END_BITS = 64
 TANGENT = ball(Fraction(1, 2))  # the largest μ d for which the line below e^(−μ s) is the tangent at the middle
@@ -70,6 +70,8 @@ class _Kernels:
         self.slowest = self.decay[0]
         for decay in self.decay:
             self.slowest = self.slowest if self.slowest <= decay else decay
+        turns = ((interval(-mode.real).lo, interval(mode.turn).magnitude.hi) for mode in self.modes)
+        self.turning = [(decay, turn) for decay, turn in turns if turn > 4 * decay]
         gap = self.slowest - self.epsilon - self.rates[0]
         require(bool(gap > 0), f"{name}: kernels: μ_1 < σ − ε", rate=witness.rates[0], decay=shown(self.slowest),
                 epsilon=shown(self.epsilon))
@@ -93,7 +95,7 @@ class _Kernels:
         self.check_tail(cells[-1][1])
 
     def cells(self) -> Iterator[tuple[Fraction, Fraction]]:
-        """``[0, τ]``, then ``[t, 17/16 t]`` with ends rounded to short numbers, up to the first end beyond ``32/σ``."""
+        """``[0, τ]``, then ``[t, t + width(t)]``, up to the first end beyond ``32/σ``; ends are short numbers."""
         fastest = max(interval(mode.square.sqrt()).hi for mode in self.modes)
         last = Fraction(LAST) / interval(self.slowest).lo
         start, end = Fraction(0), _short(1 / (FIRST * fastest))
@@ -101,8 +103,13 @@ class _Kernels:
             yield start, end
             if end >= last:
                 return
-            start, end = end, _short(end * GROWTH)
+            start, end = end, _short(end + self.width(end))
         raise Undecided("the modes are too far apart")
+
+    def width(self, t: Fraction) -> Fraction:
+        """``t/16``; less for modes that turn often while they decay, by which it is ``(1 + σ_a t)/(4 ω_a)``."""
+        turning = [max(t / FINEST, (1 + decay * t) / (4 * turn)) for decay, turn in self.turning]
+        return min([t / COARSEST, *turning])
 
     def weights(self, i: int, j: int) -> list[arb]:
         """The coefficients of the modes' functions in ``k``."""
