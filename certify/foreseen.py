@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import product
 
 from certify.checker.plant import read_plant
-from certify.checker.rules.costs import prove_cost
+from certify.checker.rules.costs import Cost, prove_cost, prove_optimum
 from certify.checker.verdict import Malformed, Rejected, Undecided, start_meter
-from symbolic.plant import Exosystem, Plant
+from certify.optimum import WIDTH, Optimum
+from symbolic.plant import Exosystem, Interval, Plant
 
 
 def foreseen_refusal(plant: Plant) -> str:
@@ -26,11 +28,28 @@ def _irrational_exosystem(exosystem: Exosystem) -> str:
     return ""
 
 
-def _cost_beyond_the_checker(plant: Plant) -> str:
+def seen_optimum(plant: Plant, found: Optimum) -> Optimum:
+    """The optimum as the checker can see it: around a point where it encloses ``Σ c_i' = 0`` only, an interval."""
+    if found.exact is None:
+        return found
     start_meter()
     try:
-        for agent in read_plant(plant.source).agents:
-            prove_cost(agent)
+        prove_optimum(_costs(plant.source), found.exact, found.exact)
+    except Rejected:
+        width = WIDTH / 4
+        return Optimum(None, Interval(found.exact - width, found.exact + width))
+    return found
+
+
+@lru_cache(maxsize=4)
+def _costs(source: bytes) -> tuple[Cost, ...]:
+    start_meter()
+    return tuple(map(prove_cost, read_plant(source).agents))
+
+
+def _cost_beyond_the_checker(plant: Plant) -> str:
+    try:
+        _costs(plant.source)
     except Rejected as failure:
         found = f"{failure.obligation}: {failure.detail}"
         return f"the independent checker cannot decide {found}; another way to write the cost may do"

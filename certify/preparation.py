@@ -14,7 +14,7 @@ from certify.coordinator.design import FINE, CoordinatorDesign, Resolution, desi
 from certify.coordinator.nominal import cost_gradient
 from certify.coordinator.stability import Unstable
 from certify.curvature import Curvature, cost_curvature
-from certify.foreseen import foreseen_refusal
+from certify.foreseen import foreseen_refusal, seen_optimum
 from certify.gains.linear_stability import LinearVerdict, necessary_condition
 from certify.gains.requested import requested_controller
 from certify.internal_trajectory import internal_model_data
@@ -73,10 +73,11 @@ def prepare(
         found = optimum(plant)
     except NoOptimumError as error:
         return Stopped("inconclusive", str(error))
-    s_star = COST_VARIABLE if found.exact is None else sympy.Rational(found.exact.numerator, found.exact.denominator)
     refusal = foreseen_refusal(plant)
     if refusal:
         return Stopped("inconclusive", refusal)
+    found = seen_optimum(plant, found)
+    s_star = COST_VARIABLE if found.exact is None else sympy.Rational(found.exact.numerator, found.exact.denominator)
     derivation = derive(plant, s_star)
     disturbance = exosystem_bounds(plant.exosystem)
     if not isinstance(disturbance, ExosystemBounds):
@@ -91,6 +92,8 @@ def prepare(
 
     curvatures = [_curvature(agent.cost) for agent in plant.agents]
     gradients = gradients_at([cost_gradient(agent.cost) for agent in plant.agents], found.enclosure)
+    if any(curvature.lo < curvature.hi for curvature in curvatures):
+        resolution = FINE  # on long steps c'' is enclosed too widely
     coordinator = design_coordinator(plant, found.enclosure, gradients, curvatures, report, resolution)
     if isinstance(coordinator, Unstable):
         return Stopped("inconclusive", f"coordinator: {coordinator.reason}", linear)

@@ -56,7 +56,7 @@ def test_a_rejection_is_one_line_on_stderr(tmp_path: Path) -> None:
     certificate.write_bytes((CORPUS / "mixed.json").read_bytes().replace(b'"a0":"1"', b'"a0":"2"'))
     done = run(CORPUS / "mixed.toml", certificate)
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "rejected: agent 1: A6: V0 J + JᵀV0 ⪯ −a0 I: J = [[-1]], a0 = 2\n"
+    assert done.stderr == "rejected: agent 1: A6: V0 J + JᵀV0 ⪯ −a0 I: J = [[-3/2]], a0 = 2\n"
 
 
 @pytest.mark.parametrize("content", [b"", b"{}\n", b"[" * 100_000, b"\x00\xff", b'{"a\\nb\\u001b[0m":"\\u2028"}\n'])

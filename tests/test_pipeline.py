@@ -139,14 +139,14 @@ def test_a_cost_that_the_checker_cannot_bound_is_refused_before_any_search() -> 
     cost = 'f = "p*x1"\nb = 1\ncost = "{}"'
     old = cost.format("(s - id)^2")
     heard: list[str] = []
-    plant = pair((old, cost.format("s^2/2 + log(cosh(s))")))
+    plant = pair((old, cost.format("s^2/2 + tanh(s^3)/100")))
     result = design_gains(plant, route="recipe", progress=heard.append)
     assert_nothing_certified(result, "inconclusive")
     assert "agent 1: A1" in result.reason and "another way to write the cost may do" in result.reason
     assert heard == []
-    plant = pair((old, cost.format("s^2/2 + log(exp(s) + exp(-s))")))
-    other = design_gains(plant, route="recipe", progress=heard.append)
-    assert heard != [] and "cannot decide" not in other.reason
+    plant = pair((old, cost.format("s^2/2 + log(cosh(s))")))
+    assert design_gains(plant, route="recipe", progress=heard.append).status == "certified"
+    assert heard != []
 
 
 def test_gains_that_are_too_small_for_the_proof_are_inconclusive() -> None:

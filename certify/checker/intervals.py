@@ -239,6 +239,8 @@ def _exp(x: Interval) -> Interval:
     In units of 2^-192: dropping the terms from ``r^36/36!`` on costs less than one, rounding ``r`` and 35 terms down
     less than 100.
     """
+    if x.is_zero:
+        return Interval(1, 1)
     if x.a < 0:
         inverse = _exp(-x if x > -LARGEST_EXP_ARGUMENT else enclose(LARGEST_EXP_ARGUMENT)).reciprocal()
         return inverse if x > -LARGEST_EXP_ARGUMENT else hull(Interval(0, 0), inverse)

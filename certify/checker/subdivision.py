@@ -11,7 +11,8 @@ from certify.checker.verdict import Undecided
 Box = Mapping[str, Interval]
 
 CUTS = 100
-PATIENCE = 4  # halvings in a row that need not help
+PATIENCE = 12  # for halvings in a row that do not help
+USELESS, UNDECIDED = 3, 1  # what one of them takes of it, where there is a bound and where there is none
 USEFUL = Fraction(999, 1000)
 
 
@@ -23,7 +24,7 @@ def supremum(function: Callable[[Box], Interval], box: Box, names: Collection[st
     pieces = [_Piece(function, box, PATIENCE)]
     for _ in range(cuts):
         worst = max(pieces, key=_Piece.order)
-        halves = worst.best_halves(names) if worst.patience else []
+        halves = worst.best_halves(names) if worst.patience > 0 else []
         if not halves:
             break
         pieces.remove(worst)
@@ -55,7 +56,7 @@ def halves(box: Box, name: str) -> list[Box]:
 
 
 class _Piece:
-    """A part of the box and its bound; ``patience`` is how many more halvings need not help."""
+    """A part of the box and its bound; ``patience`` is for halvings that do not help."""
 
     def __init__(self, function: Callable[[Box], Interval], box: Box, patience: int) -> None:
         self.function, self.box, self.patience = function, box, patience
@@ -81,7 +82,7 @@ class _Piece:
             return choices[best]
         widest = max(wide, key=lambda name: self.box[name].hi - self.box[name].lo)
         for piece in choices[widest]:
-            piece.patience = self.patience - 1
+            piece.patience = self.patience - (UNDECIDED if self.bound is None else USELESS)
         return choices[widest]
 
     def _useful(self) -> tuple[bool, Fraction]:

@@ -102,6 +102,9 @@ def call(function: str, u: Tail) -> Tail:
         return Tail(u.start, enclose(u.affine[1]).exp(), (u.affine[0], Fraction(0)))
     if u.growth <= FLAT:
         return Tail(u.start, interval_call(function, u.range()))
+    if function in ("sinh", "cosh", "tanh") and u.affine:
+        up, down = call("exp", u), call("exp", -u)
+        return (up - down) / (up + down) if function == "tanh" else (up + down if function == "cosh" else up - down) / 2
     if function in ("sin", "cos"):
         return Tail(u.start, Interval(-1, 1))
     if min(u.growth) < 0 or not (u.c > 0 or u.c < 0):
@@ -110,6 +113,9 @@ def call(function: str, u: Tail) -> Tail:
     if function == "atan":
         value = interval_call(function, end)
         return Tail(u.start, between(value.lo, 2) if u.c > 0 else between(-2, value.hi))
+    if function == "exp" and u.c < 0 and u.growth[1] >= 1:  # u ≤ −rate·s
+        rate = -u.c.hi * Fraction(u.start) ** (floor(u.growth[1]) - 1)
+        return Tail(u.start, Interval(0, 1), (-rate, Fraction(0)))
     if function == "exp" and u.c < 0:
         return Tail(u.start, between(0, end.exp().hi))
     if function == "log" and u.c > 0:
@@ -118,8 +124,10 @@ def call(function: str, u: Tail) -> Tail:
 
 
 def _log(u: Tail) -> Tail:
-    """``log c + p log s + k s`` as ``s·[…]``, or ``√s·[…]`` if ``k = 0``; ``log s/s``, ``log s/√s`` fall from 16 on."""
+    """``log c + p log s + k s`` as ``s·[…]``, or ``√s·[…]`` if ``k = 0``; they fall from 4 and from 16 on."""
     (k, p), root = u.growth, 1 if u.growth[0] else 2
+    if root == 2 and u.start < 16:
+        raise Undecided("log of an argument that has not grown yet")
     decay = hull(Interval(0, 0), enclose(Fraction(1, u.start if root == 1 else isqrt(u.start))))
     rest = p * decay * interval_call("log", enclose(u.start)) + decay * interval_call("log", u.c)
     return Tail(u.start, k + rest, (Fraction(0), Fraction(1, root)))

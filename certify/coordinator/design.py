@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
 
+from certify.bounds.balls import NonFiniteError
 from certify.bounds.rationals import round_up
 from certify.coordinator.envelope import Comparison, Envelope, envelope
 from certify.coordinator.mixing import Mixing, mixing
@@ -79,9 +80,11 @@ def design_coordinator(
         comparison = stabilise(model, damping_ranges(grid, curvatures), RATES)
         if isinstance(comparison, Unstable):
             return comparison
-        return CoordinatorDesign(
-            model, comparison, grid, envelope(model, grid, comparison, optimum, optimal_gradients, references)
-        )
+        try:
+            found = envelope(model, grid, comparison, optimum, optimal_gradients, references)
+        except NonFiniteError:
+            return Unstable(f"c'' could not be enclosed along a trajectory on steps of {step} s", 0)
+        return CoordinatorDesign(model, comparison, grid, found)
 
     pairs = _pairs(plant)
     if len(pairs) == 1:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 
 import sympy
 from flint import arb, arb_mat, arb_poly, ctx
@@ -24,20 +25,23 @@ WIDER = 4  # another formula for c'' may enclose it that much more widely; the d
 
 @dataclass(frozen=True)
 class CostGradient:
-    """``c'`` and ``c''`` of one agent's cost, ready for rigorous evaluation; ``curvature`` when ``c''`` is constant."""
+    """``c'`` and ``c''`` of one agent's cost, ready for rigorous evaluation; ``curvature`` when ``c''`` is constant.
+
+    ``hessians`` are ``c''`` as it was differentiated and expanded: an interval is enclosed by both.
+    """
 
     gradient: Program
-    hessian: Program
+    hessians: tuple[Program, Program]
     curvature: arb | None
 
 
 def cost_gradient(cost: sympy.Expr) -> CostGradient:
     first = sympy.diff(cost, COST_VARIABLE)
-    second = sympy.expand(sympy.diff(first, COST_VARIABLE))
-    arguments = (COST_VARIABLE,)
-    hessian = compile_expression(second, arguments)
-    curvature = None if second.free_symbols else hessian([arb(0)])
-    return CostGradient(compile_expression(first, arguments), hessian, curvature)
+    second = sympy.diff(first, COST_VARIABLE)
+    expanded, arguments = sympy.expand(second), (COST_VARIABLE,)
+    hessians = compile_expression(second, arguments), compile_expression(expanded, arguments)
+    curvature = None if expanded.free_symbols else hessians[1]([arb(0)])
+    return CostGradient(compile_expression(first, arguments), hessians, curvature)
 
 
 @dataclass(frozen=True)
@@ -125,7 +129,7 @@ class _Stepper:
 
     def _slope(self, i: int, value: arb) -> arb:
         curvature = self.costs[i].curvature
-        return curvature if curvature is not None else self.costs[i].hessian([value]).mid()
+        return curvature if curvature is not None else self.costs[i].hessians[0]([value]).mid()
 
     def _taylor(
         self, y: list[arb], omega: list[arb], xi: list[list[arb]], gradient: list[arb], slope: list[arb]
@@ -172,10 +176,12 @@ class _Stepper:
         """``sup |c_i'' − σ|`` on the step, with room for the checker's own enclosure; zero for a quadratic cost."""
         if self.costs[i].curvature is not None:
             return arb(0)
-        ends = self.costs[i].hessian.ends([((centre - distance).lower(), (centre + distance).upper())])
-        if ends is None:
+        side = (centre - distance).lower(), (centre + distance).upper()
+        found = [ends for hessian in self.costs[i].hessians if (ends := hessian.ends([side])) is not None]
+        if not found:
             return arb.nan()
-        return WIDER * max(abs(end - slope).upper() for end in ends)
+        low, high = reduce(arb.max, (ends[0] for ends in found)), reduce(arb.min, (ends[1] for ends in found))
+        return WIDER * abs(low - slope).upper().max(abs(high - slope).upper())
 
     def _size(self, poly: arb_poly) -> arb:
         """``sup |poly|`` on ``[0, step]``."""

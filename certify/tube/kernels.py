@@ -57,7 +57,8 @@ def cells(modes: Modes) -> np.ndarray:
     last = (LIFETIMES + 1) / float(modes.decay.min())
     while ends[-1] < last and len(ends) <= MOST_CELLS:
         t = ends[-1]
-        widths = [max(t / FINEST, (1 + slow * t) / (4 * turn)) for slow, turn in zip(decay, turns, strict=True)]
+        both = [(slow, turn) for slow, turn in zip(decay, turns, strict=True) if slow * t < LIFETIMES]
+        widths = [max(t / FINEST, (1 + slow * t) / (4 * turn)) for slow, turn in both]
         ends.append(t + min([t / COARSEST, *widths]))
     return np.array(ends)
 

@@ -71,7 +71,7 @@ def _sizes(name: str, agent: Agent, claim: AgentClaim, witness: DirectAgentWitne
 
 
 def _order(name: str, witness: DirectAgentWitness) -> None:
-    """Rates and times grow, coefficients and boxes are not negative, ranges are not empty."""
+    """Rates and times grow, boxes are not negative, ranges are not empty."""
     rates, grid, phase = witness.rates, witness.grid, witness.phase1
     require(rates[0] > 0 and _increases(rates), f"{name}: 0 < μ_1 < … < μ_m", rates=rates)
     require(phase.grid[0] == 0 and _increases(phase.grid), f"{name}: phase 1: 0 = t_0 < t_1 < …")

@@ -10,13 +10,15 @@ from typing import Any
 from certify.checker import functions, tails
 from certify.checker.expressions import Node, evaluate, terms_of
 from certify.checker.intervals import Interval, between, enclose, hull, total
+from certify.checker.jets import jet
 from certify.checker.plant import Agent
 from certify.checker.polynomials import ZERO, Algebra, constant, variable
-from certify.checker.subdivision import Box, supremum, value_range
+from certify.checker.subdivision import supremum, value_range
 from certify.checker.tails import Tail
 from certify.checker.verdict import Undecided, obligation, require
 
-HALF_LINES = (16, 256, 4096)
+HALF_LINES = (4, 16, 256, 4096)
+ABOUT = Fraction(1, 40)
 CUTS = 500
 
 
@@ -24,8 +26,7 @@ CUTS = 500
 class Cost:
     """``least ≤ c'' ≤ largest`` on the whole line; ``affine = (c'(0), c'')`` if ``c`` is a quadratic over Q."""
 
-    expression: Node
-    derivatives: Derivatives
+    form: Simplified | Written
     least: Fraction
     largest: Fraction
     affine: tuple[Fraction, Fraction] | None = None
@@ -35,14 +36,16 @@ class Cost:
         if self.affine:
             return self.affine[0] + self.affine[1] * s
         ends = [s] if s.a == s.b else [s.lower, s.upper]
-        return hull(*(self.derivatives.at(1, end) for end in ends))
+        return hull(*(self.form.at(1, end) for end in ends))
 
     def curvature(self, s: Interval) -> Interval:
-        return self.derivatives.at(2, s)
+        return _curvature(self.form, s)
 
 
-class Derivatives:
-    """``c``, ``c'``, ``c''`` and ``c'''``, each as one rational function of ``s`` and atoms per term of ``c``."""
+class Simplified:
+    """``c`` and its derivatives, each as one rational function of ``s`` and atoms per term of ``c``: much cancels."""
+
+    cuts = 500
 
     def __init__(self, cost: Node) -> None:
         self.algebra = Algebra()
@@ -55,6 +58,9 @@ class Derivatives:
         parts = [self.algebra.enclosure(term, {"s": s}, number, call) for term in self.orders[order]]
         return sum(parts[1:], parts[0])
 
+    def curvature_and_slope(self, s: Interval) -> tuple[Interval, Interval]:
+        return self.at(2, s), self.at(3, s)
+
     def quadratic(self) -> tuple[Fraction, Fraction] | None:
         """``(c'(0), c'')`` if both are visibly rational and ``c''`` is constant."""
         first, second = sum(self.orders[1], ZERO), sum(self.orders[2], ZERO).constant()
@@ -66,22 +72,47 @@ class Derivatives:
         return not second.bottom and second.names() == {"s"}
 
 
+class Written:
+    """``c`` and its derivatives by the expression as it stands: ``(s − 3)²`` stays a square."""
+
+    cuts = 80
+
+    def __init__(self, cost: Node) -> None:
+        self.cost = cost
+
+    def at(self, order: int, s: Any, number: Callable[[Any], Any] = enclose,
+           call: Callable[[str, Any], Any] = functions.call) -> Any:
+        return jet(self.cost, s, order, number, call)[order]
+
+    def curvature_and_slope(self, s: Interval) -> tuple[Interval, Interval]:
+        *_, curvature, slope = jet(self.cost, s, 3)
+        return curvature, slope
+
+
 def prove_cost(agent: Agent) -> Cost:
     """A1: exactly for polynomials, else by enclosing ``c''`` on pieces of ``[−R, R]`` and both half-lines beyond.
 
     ``c''`` is simplified before it is enclosed, so that a part that jumps may be gone: every part of ``c`` itself must
-    be smooth on the whole line.
+    be smooth on the whole line. What cannot be enclosed simplified is enclosed as it is written.
     """
     name = f"agent {agent.id}: A1: 0 < c'' ≤ l on the whole line"
     with obligation(name):
         _prove_smooth(agent.cost)
-        derivatives = Derivatives(agent.cost)
-        require(not derivatives.is_growing_polynomial(), name, degree="3 or more")
-        affine = derivatives.quadratic()
-        found = enclose(affine[1]) if affine else _range_on_line(derivatives)
+        simplified, written = Simplified(agent.cost), Written(agent.cost)
+        require(not simplified.is_growing_polynomial(), name, degree="3 or more")
+        affine = simplified.quadratic()
+        if affine:
+            require(affine[1] > 0, name, curvature=affine[1])
+            return Cost(simplified, affine[1], affine[1], affine)
+        try:
+            found = _range_on_line(simplified)
+            if found > 0:
+                return Cost(simplified, found.lo, found.hi)
+        except Undecided:
+            pass
+        found = _range_on_line(written)
     require(found > 0, name, curvature=found)
-    least, largest = (affine[1], affine[1]) if affine else (found.lo, found.hi)
-    return Cost(agent.cost, derivatives, least, largest, affine)
+    return Cost(written, found.lo, found.hi)
 
 
 def prove_optimum(costs: Sequence[Cost], lo: Fraction, hi: Fraction) -> tuple[Interval, ...]:
@@ -118,28 +149,34 @@ def _half_line(start: int, sign: int) -> Tail:
     return Tail(start, Interval(sign, sign), (Fraction(0), Fraction(1)), (Fraction(sign), Fraction(0)))
 
 
-def _range_on_line(derivatives: Derivatives) -> Interval:
+def _range_on_line(form: Simplified | Written) -> Interval:
     """An enclosure of ``c''`` on the whole line."""
+    start, ends = _range_on_half_lines(form)
+    middle = {"s": between(-start, start)}
+    return hull(ends, value_range(lambda box: _curvature(form, box["s"]), middle, ["s"], form.cuts))
 
-    def on_piece(box: Box) -> Interval:
-        """The narrower of the natural enclosure and the mean-value form."""
-        s = box["s"]
-        middle = enclose((s.lo + s.hi) / 2)
-        natural, mean = derivatives.at(2, s), derivatives.at(2, middle) + derivatives.at(3, s) * (s - middle)
-        return between(max(natural.lo, mean.lo), min(natural.hi, mean.hi))
 
-    failure = Undecided("")
+def _curvature(form: Simplified | Written, s: Interval) -> Interval:
+    """``c''`` on an interval: the narrower of the natural enclosure and the mean-value form."""
+    if s.a == s.b:
+        return form.at(2, s)
+    middle = enclose((s.lo + s.hi) / 2)
+    natural, slope = form.curvature_and_slope(s)
+    mean = form.at(2, middle) + slope * (s - middle)
+    return between(max(natural.lo, mean.lo), min(natural.hi, mean.hi))
+
+
+def _range_on_half_lines(form: Simplified | Written) -> tuple[int, Interval]:
+    """The first ``R`` beyond which ``c''`` is enclosed about as well as it can be, and the enclosure."""
+    found, failure = {}, Undecided("")
     for start in HALF_LINES:
         try:
-            ends = [_range_on_half_line(derivatives, start, sign) for sign in (1, -1)]
+            lines = [_half_line(start, sign) for sign in (1, -1)]
+            found[start] = hull(*(form.at(2, s, s.scalar, tails.call).range() for s in lines))
         except Undecided as reason:
             failure = reason
-        else:
-            return hull(*ends, value_range(on_piece, {"s": between(-start, start)}, ["s"], CUTS))
-    raise failure
-
-
-def _range_on_half_line(derivatives: Derivatives, start: int, sign: int) -> Interval:
-    s = _half_line(start, sign)
-    found: Tail = derivatives.at(2, s, s.scalar, tails.call)
-    return found.range()
+    if not found:
+        raise failure
+    *_, far = found.values()
+    room = far.magnitude.hi * ABOUT
+    return next((start, ends) for start, ends in found.items() if far.lo - room <= ends.lo and ends.hi <= far.hi + room)

@@ -21,7 +21,7 @@ from certify.checker.verdict import Undecided, require, spend
 
 COARSEST, FINEST = 16, 512  # the start of a cell over its width
 FIRST = 64  # the first cell is 1/64 of the shortest time constant
-LAST = 32  # the cells end after 32 of the longest
+LAST = 32  # the cells end after 32 of the longest; no mode makes them short after 32 of its own
 MAX_CELLS = 8_192
 CHUNK = 256
 END_BITS = 64
@@ -83,7 +83,7 @@ class _Kernels:
 
     def check(self) -> None:
         cells = list(self.cells())
-        spend(3 * len(self.pairs) * len(cells) * (10 + len(self.C[0]) + len(self.rates)))
+        spend(len(cells) * (len(self.C[0]) + len(self.rates)) * (3 * len(self.pairs) + 400))
         values = [self.weights(i, j) for i, j in self.pairs]
         for row in range(0, len(self.pairs), CHUNK):
             part = slice(row, row + CHUNK)
@@ -107,8 +107,8 @@ class _Kernels:
         raise Undecided("the modes are too far apart")
 
     def width(self, t: Fraction) -> Fraction:
-        """``t/16``; less for modes that turn often while they decay, by which it is ``(1 + σ_a t)/(4 ω_a)``."""
-        turning = [max(t / FINEST, (1 + decay * t) / (4 * turn)) for decay, turn in self.turning]
+        """``t/16``; less while there are modes that turn often, by which it is ``(1 + σ_a t)/(4 ω_a)``."""
+        turning = [max(t / FINEST, (1 + decay * t) / (4 * turn)) for decay, turn in self.turning if decay * t < LAST]
         return min([t / COARSEST, *turning])
 
     def weights(self, i: int, j: int) -> list[arb]:
