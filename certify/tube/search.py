@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from math import log
 
-from certify.tube.designs import STAGES
+from certify.tube.designs import STAGES, observers
 from certify.tube.loop import LoopGains
 from certify.tube.trial import AgentTrials, Trial, TrialFailure
 from symbolic.plant import Agent, RequestedGains
@@ -61,7 +62,7 @@ def search_gains(
 ) -> tuple[Choice, ...] | NoChoice:
     """Certifiable gains, the default first. Requested gains are kept; whatever is left free is searched, the designs
     that ``redesigned`` can prepare included unless ``K`` or ``h`` is given."""
-    finder = _Finder(trials, requested, report)
+    redesigned, finder = cache(redesigned), _Finder(trials, requested, report)
     first = finder.first()
     if isinstance(first, NoChoice):
         return first
@@ -72,6 +73,8 @@ def search_gains(
     finder.lower_h(least_K)
     finder.relax(min(finder.passed, key=_product))
     finder.tighten(_least_delta(finder.passed))
+    if requested.K is None and requested.h is None:
+        finders += _other_observers(finder, _balanced(finder.passed), redesigned)
     passed = list({id(trial): trial for finder in finders for trial in finder.passed}.values())
     candidates = (
         Choice("balanced", "the least product K·h·∛δ that passed", _balanced(passed)),
@@ -282,6 +285,27 @@ def _redesign(finder: _Finder, start: Trial, redesigned: Redesigned) -> tuple[_F
             if (lower is not found and not slow) or found.needed < CLEARLY_LESS * best.needed:
                 finder, best = other, found if slow else lower
     return finder, best if best is start else finder.step_down(best, tuple(g for g in LARGER_G if g > best.gains.g))
+
+
+def _other_observers(finder: _Finder, start: Trial, redesigned: Redesigned) -> list[_Finder]:
+    """Other observers at gains that have passed, and at the next lower ratio ``h/K``: it is there that they differ."""
+    finders = []
+    for agent in observers(start.model.agent, start.model.internal_model.order):
+        trials = redesigned(agent)
+        if trials is None:
+            continue
+        finder.report("another design: observers")
+        other = _Finder(trials, finder.requested, finder.report)
+        found = other.adopt(start)
+        if found is None or found.tube.tail_rate < start.tube.tail_rate:
+            continue
+        other.tighten(found)
+        lower = [ratio for ratio in RATIOS if ratio < other._ratio(found)]
+        further = other.attempt(found.gains.g, found.gains.K, lower[-1]) if lower else None
+        if further is not None:
+            other.tighten(further)
+        finders.append(other)
+    return finders
 
 
 def _log(value: Fraction) -> float:
