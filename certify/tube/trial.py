@@ -33,7 +33,7 @@ WAY_SHARE = 1 / 8  # of the reference's way, which is a unit of ϑ where agents 
 PROGRESS = 1.02  # ratio of times of escape below which a higher saturation level is no help
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
-COARSE = (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32)  # steps of the tube, as shares of the time so far
+COARSE = (1 / 4, 1 / 8, 1 / 12, 1 / 16)  # steps of the tube, as shares of the time so far
 BLURRED = 1 + 1 / 64
 
 
@@ -134,14 +134,12 @@ class AgentTrials:
 
     def coarsened(self, trial: Trial) -> Trial:
         """The same claim with fewer steps in the tube, so that it is checked sooner, if the bounds hardly suffer."""
-        gains, reached, comparison = trial.gains, trial.reached, self._comparison(trial)
+        reached, comparison, found = trial.reached, self._comparison(trial), [trial]
         for share in COARSE:
-            found = self._tube(comparison, reached, trial.delta, gains, share)
-            if isinstance(found, Tube) and len(found.boxes) < len(trial.tube.boxes):
-                coarse = replace(trial, tube=found)
-                if coarse.fits and np.all(found.peak <= BLURRED * trial.tube.peak):
-                    return coarse
-        return trial
+            result = self._tube(comparison, reached, trial.delta, trial.gains, share)
+            if isinstance(result, Tube) and np.all(result.peak <= BLURRED * trial.tube.peak):
+                found.append(replace(trial, tube=result))
+        return min((one for one in found if one.fits), key=lambda one: len(one.tube.boxes))
 
     def _least_level(self, loop: _Loop, share: float) -> Trial | TrialFailure:
         """Upwards to a saturation level that does, or downwards by halves from one."""
