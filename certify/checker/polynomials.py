@@ -41,7 +41,7 @@ class Polynomial:
         return Polynomial(result)
 
     def __mul__(self, other: Polynomial) -> Polynomial:
-        spend(100 * len(self.terms) * len(other.terms))
+        spend(len(self.terms) * len(other.terms) * (100 + self.bits() * other.bits() // 2048))
         result: dict[Monomial, Fraction] = {}
         for left, c in self.terms.items():
             for right, d in other.terms.items():
@@ -68,6 +68,10 @@ class Polynomial:
             if exponent:
                 result[tuple(sorted(powers.items()))] = c * exponent
         return Polynomial(result)
+
+    def bits(self) -> int:
+        """Of the longest coefficient."""
+        return max((c.numerator.bit_length() + c.denominator.bit_length() for c in self.terms.values()), default=0)
 
     def names(self) -> set[str]:
         return {name for monomial in self.terms for name, _ in monomial}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import insort_left
 from collections.abc import Callable, Collection, Mapping
 from fractions import Fraction
 
@@ -21,15 +22,16 @@ def supremum(function: Callable[[Box], Interval], box: Box, names: Collection[st
 
     ``function`` encloses its values on any box, or raises ``Undecided``, which counts as no bound.
     """
-    pieces = [_Piece(function, box, PATIENCE)]
+    pieces = [_Piece(function, box, PATIENCE)]  # the worst bound comes last
     for _ in range(cuts):
-        worst = max(pieces, key=_Piece.order)
+        worst = pieces[-1]
         halves = worst.best_halves(names) if worst.patience > 0 else []
         if not halves:
             break
-        pieces.remove(worst)
-        pieces += halves
-    worst = max(pieces, key=_Piece.order)
+        pieces.pop()
+        for half in halves:
+            insort_left(pieces, half, key=_Piece.order)
+    worst = pieces[-1]
     if worst.bound is None:
         raise Undecided(worst.reason)
     return worst.bound

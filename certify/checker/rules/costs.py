@@ -163,7 +163,7 @@ def _curvature(form: Simplified | Written, s: Interval) -> Interval:
     middle = enclose((s.lo + s.hi) / 2)
     natural, slope = form.curvature_and_slope(s)
     mean = form.at(2, middle) + slope * (s - middle)
-    return between(max(natural.lo, mean.lo), min(natural.hi, mean.hi))
+    return hull(max(natural.lower, mean.lower), min(natural.upper, mean.upper))
 
 
 def _range_on_half_lines(form: Simplified | Written) -> tuple[int, Interval]:
