@@ -13,7 +13,7 @@ from certify.checker.intervals import Interval
 from certify.checker.linear import Matrix
 from certify.checker.verdict import Undecided, show
 
-BITS = 256
+BITS = 128
 
 precision = ctx.workprec
 

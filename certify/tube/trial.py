@@ -33,8 +33,9 @@ WAY_SHARE = 1 / 8  # of the reference's way, which is a unit of ϑ where agents 
 PROGRESS = 1.02  # ratio of times of escape below which a higher saturation level is no help
 FIRST_LEVEL = 1 / 16
 LARGEST_LEVEL = 20
-COARSE = (1 / 4, 1 / 8, 1 / 12, 1 / 16)  # steps of the tube, as shares of the time so far
-BLURRED = 1 + 1 / 64
+COARSE = (1 / 12, 1 / 16, 1 / 24, 1 / 32)  # steps of the tube, as shares of the time so far
+BLURRED, LATER, LARGER_TAIL = 1 + 1 / 64, 1.1, 2.0
+SETTLED = (1 / 10, 1 / 100)
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ class AgentTrials:
         reached, comparison, found = trial.reached, self._comparison(trial), [trial]
         for share in COARSE:
             result = self._tube(comparison, reached, trial.delta, trial.gains, share)
-            if isinstance(result, Tube) and np.all(result.peak <= BLURRED * trial.tube.peak):
+            if isinstance(result, Tube) and _as_good(result, trial.tube):
                 found.append(replace(trial, tube=result))
         return min((one for one in found if one.fits), key=lambda one: len(one.tube.boxes))
 
@@ -252,6 +253,20 @@ def _nominal(increments: Increments, surroundings: Surroundings) -> Nominal:
         tuple(_middle(side) for side in rest.f1),
         _middle((low, high)),
     )
+
+
+def _as_good(coarse: Tube, fine: Tube) -> bool:
+    """Every output has about the same peak, a tail of the same size, and is below shares of the peak about as soon."""
+    if not (np.all(coarse.peak <= BLURRED * fine.peak) and np.all(coarse.tail <= LARGER_TAIL * fine.tail)):
+        return False
+    times = [[_last_above(tube, share * fine.peak) for share in SETTLED] for tube in (coarse, fine)]
+    return bool(np.all(np.array(times[0]) <= LATER * np.array(times[1])))
+
+
+def _last_above(tube: Tube, level: np.ndarray) -> np.ndarray:
+    """The ends of the last steps on which the outputs may be above the levels; 0 if there are none."""
+    above = np.array(tube.boxes) > level
+    return np.max(above * np.array(tube.grid[1:])[:, None], axis=0)
 
 
 def _middle(side: Range) -> Fraction:
