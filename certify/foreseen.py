@@ -1,4 +1,4 @@
-"""What the independent checker will refuse of a plant whatever the witnesses are, asked before any search."""
+"""What the independent checker will make of a plant whatever the witnesses are, asked before any search."""
 
 from __future__ import annotations
 

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 import sympy
 from flint import arb, arb_mat, ctx, fmpq
 
+from certify.checker.balls import BITS, precision
+from certify.checker.rules import kernels as checker_kernels
+from certify.checker.rules import loop as checker_loop
 from certify.tube.certificate import tube_controller
 from certify.tube.kernels import cells
 from certify.tube.loop import Loop, LoopGains, nominal_loop
-from certify.tube.modes import modes
+from certify.tube.modes import Modes, modes
 from certify.tube.trial import Trial
 from sims.codegen import Saturation
 from sims.equations import closed_loop_equations
@@ -36,6 +41,34 @@ def responses(loop: Loop, times: Array) -> Array:
 
 def _ball(value: Fraction) -> arb:
     return arb(fmpq(value.numerator, value.denominator))
+
+
+@pytest.mark.parametrize("turns", [[], [3.0], [5.0], [5.0, 170.0], [40.0, 0.5]])
+def test_the_search_and_the_checker_divide_time_alike(turns: list[float]) -> None:
+    """Majorants are made with 1e-4 of room, so that the cells must be the same but for rounding."""
+    decays = [1.0, 0.25, *(size for k in range(len(turns)) for size in [2.0 + 8 * k] * 2)]
+    frequencies = [0.0, 0.0, *(side * turn for turn in turns for side in (1, -1))]
+    blocks = (1, 1, *(2 for _ in turns))
+    A = np.diag(-np.array(decays))
+    for k, turn in enumerate(turns):
+        A[2 * k + 2, 2 * k + 3], A[2 * k + 3, 2 * k + 2] = turn, -turn
+    exact = [[Fraction(float(entry)) for entry in row] for row in A]
+    unit = [[Fraction(int(i == j)) for j in range(len(A))] for i in range(len(A))]
+    zero = np.zeros((len(A), len(A)))
+    found = Modes((), blocks, np.array(decays), np.array(frequencies), zero, zero)
+    witness = SimpleNamespace(
+        modes=unit, blocks=blocks, rates=[Fraction(1, 8)], kernels=[[[Fraction(1)]] * len(A)] * len(A)
+    )
+    plain = checker_loop.Loop(0, 1, exact, [[] for _ in A], unit, unit)
+    with precision(BITS):
+        theirs = [float(end) for _, end in checker_kernels._Kernels("agent", plain, cast(Any, witness)).cells()]
+    mine = cells(found)[1 : len(theirs) + 1]
+    assert len(theirs) <= len(cells(found)) and np.allclose(mine, theirs, rtol=1e-9)
+    assert theirs[-1] >= 32 / min(decays)
+    widths = np.diff(theirs) / np.array(theirs[:-1])
+    assert widths.max() <= 1 / 16 + 1e-9 and (widths.min() < 1 / 20) == any(
+        turn > 4 * (2.0 + 8 * k) for k, turn in enumerate(turns)
+    )
 
 
 @pytest.mark.parametrize(("name", "number"), EVERY)

@@ -8,6 +8,7 @@ import re
 from copy import deepcopy
 from fractions import Fraction
 
+import numpy as np
 import pytest
 
 from certify.assumptions.check import check_assumptions
@@ -18,7 +19,7 @@ from certify.preparation import Prepared, prepare
 from certify.results import GainsResult
 from certify.tube.loop import LoopGains
 from certify.tube.search import NoChoice, search_gains
-from certify.tube.trial import AgentTrials, Trial, TrialFailure
+from certify.tube.trial import AgentTrials, Trial, TrialFailure, as_good
 from symbolic.plant import RequestedGains
 from symbolic.plant_file import parse_plant
 from tests.tubes import EXAMPLES, GENEROUS, trials
@@ -200,6 +201,33 @@ def test_a_saturation_level_below_what_the_tube_needs_is_named() -> None:
     assert parts is not None, short.reason
     assert float(parts[1]) == pytest.approx(float(found.delta) / 4, rel=1e-3)
     assert float(parts[2]) > float(parts[3]) == pytest.approx(float(found.delta) / 48, rel=1e-2)
+
+
+@pytest.mark.parametrize(("name", "number", "K", "h"), [("pendulums", 3, 12, 360), ("van_der_pol", 1, 9, 270)])
+def test_longer_steps_leave_the_claim_and_its_bounds(name: str, number: int, K: int, h: int) -> None:
+    held = trials(name, number)
+    fine = held.attempt(LoopGains(Fraction(3), Fraction(K), Fraction(h)))
+    assert isinstance(fine, Trial)
+    coarse = held.coarsened(fine)
+    assert len(coarse.tube.boxes) < len(fine.tube.boxes)
+    assert (coarse.gains, coarse.delta, coarse.reached) == (fine.gains, fine.delta, fine.reached) and coarse.fits
+    assert np.all(coarse.tube.peak <= 1.02 * fine.tube.peak) and np.all(coarse.tube.tail <= 2 * fine.tube.tail)
+    late = []
+    for tube in (coarse.tube, fine.tube):
+        ends = zip(tube.grid[1:], tube.boxes, strict=True)
+        late.append(max(end for end, box in ends if np.any(box > fine.tube.peak / 10)))
+    assert late[0] <= 1.1 * late[1]
+
+
+def test_a_tube_that_settles_later_is_no_coarser_form_of_another() -> None:
+    held = trials("pendulums", 3)
+    fine = held.attempt(LoopGains(Fraction(3), Fraction(12), Fraction(360)))
+    assert isinstance(fine, Trial)
+    tube = fine.tube
+    assert as_good(tube, tube)
+    assert not as_good(dataclasses.replace(tube, tail=3 * tube.tail), tube)
+    assert not as_good(dataclasses.replace(tube, boxes=tuple(1.1 * box for box in tube.boxes)), tube)
+    assert not as_good(dataclasses.replace(tube, boxes=(*tube.boxes[:-1], tube.peak / 2)), tube)
 
 
 def test_the_search_keeps_what_is_requested() -> None:

@@ -138,7 +138,7 @@ class AgentTrials:
         reached, comparison, found = trial.reached, self._comparison(trial), [trial]
         for share in COARSE:
             result = self._tube(comparison, reached, trial.delta, trial.gains, share)
-            if isinstance(result, Tube) and _as_good(result, trial.tube):
+            if isinstance(result, Tube) and as_good(result, trial.tube):
                 found.append(replace(trial, tube=result))
         return min((one for one in found if one.fits), key=lambda one: len(one.tube.boxes))
 
@@ -255,7 +255,7 @@ def _nominal(increments: Increments, surroundings: Surroundings) -> Nominal:
     )
 
 
-def _as_good(coarse: Tube, fine: Tube) -> bool:
+def as_good(coarse: Tube, fine: Tube) -> bool:
     """Every output has about the same peak, a tail of the same size, and is below shares of the peak about as soon."""
     if not (np.all(coarse.peak <= BLURRED * fine.peak) and np.all(coarse.tail <= LARGER_TAIL * fine.tail)):
         return False
