@@ -146,7 +146,6 @@ def _held(A: Array, B: Array, period: float) -> tuple[Array, Array]:
 
 def _plant(plant: Plant, number: int) -> Callable[..., tuple[float, ...]]:
 
-
     agent = plant.agents[number - 1]
     u = sympy.Dummy("u", real=True)
     x = agent.chain

@@ -117,9 +117,7 @@ def _rows(signature: str, groups: Groups, rows: Sequence[sympy.Expr]) -> str:
     return _function(signature, lines)
 
 
-def _elimination(
-    states: Sequence[sympy.Symbol], smooth: Sequence[sympy.Expr], groups: Groups
-) -> tuple[str, str, int]:
+def _elimination(states: Sequence[sympy.Symbol], smooth: Sequence[sympy.Expr], groups: Groups) -> tuple[str, str, int]:
     """Gaussian elimination of ``d I − J``, unrolled over the entries that are not identically zero; ``lu`` holds the
     multipliers, the upper entries and the inverses of the pivots.
     """

@@ -22,8 +22,21 @@ MAX_AGENT_CONSTANTS = 200
 MAX_INTERNAL_MODEL = 64
 MAX_TEXT = 5_000_000
 
-_KEYS = ("ids", "zero_dynamics", "order", "f", "b", "cost", "constants", "uncertain", "steady_state",
-         "zero_dynamics_lyapunov", "internal_model", "gamma", "observer")
+_KEYS = (
+    "ids",
+    "zero_dynamics",
+    "order",
+    "f",
+    "b",
+    "cost",
+    "constants",
+    "uncertain",
+    "steady_state",
+    "zero_dynamics_lyapunov",
+    "internal_model",
+    "gamma",
+    "observer",
+)
 _RANGE = re.compile(r"\s*([0-9]{1,9})\s*(?:-|\.\.)\s*([0-9]{1,9})\s*")
 
 
@@ -49,9 +62,11 @@ def read_agents(root: Table, count: int, scope: Scope) -> tuple[Agent, ...]:
             agents[number] = _agent(table, number, scope.with_id(number), initial)
     missing = [number for number in range(1, count + 1) if number not in agents]
     if missing:
-        raise where.error(f"agent {missing[0]} has no [[agent]] table" if len(missing) == 1 else
-                          f"agents {', '.join(map(str, missing[:5]))}{'...' if len(missing) > 5 else ''} have no "
-                          "[[agent]] table")
+        raise where.error(
+            f"agent {missing[0]} has no [[agent]] table"
+            if len(missing) == 1
+            else f"agents {', '.join(map(str, missing[:5]))}{'...' if len(missing) > 5 else ''} have no [[agent]] table"
+        )
     initial.check(agents.values(), scope.with_id(1))
     return tuple(agents[number] for number in sorted(agents))
 
@@ -101,13 +116,22 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Ag
         scope = scope.with_state(name, uncertain.at(name), "a parameter")
     reader = _AgentReader(table, order, scope)
     return Agent(
-        id=number, order=order,
-        zero_states=tuple(symbol(name) for name in scope.zero_states), zero_dynamics=reader.zero_dynamics(zero),
-        f=reader.right_hand_side(), b=reader.input_gain(), cost=reader.cost(),
-        parameters=tuple(symbol(name) for name in scope.parameters), parameter_box=box,
+        id=number,
+        order=order,
+        zero_states=tuple(symbol(name) for name in scope.zero_states),
+        zero_dynamics=reader.zero_dynamics(zero),
+        f=reader.right_hand_side(),
+        b=reader.input_gain(),
+        cost=reader.cost(),
+        parameters=tuple(symbol(name) for name in scope.parameters),
+        parameter_box=box,
         initial=initial.box_of(order, scope.zero_states, outer),
-        steady_state=reader.steady_state(), lyapunov=reader.lyapunov(), internal_model=reader.internal_model(),
-        gamma=reader.numbers("gamma", order - 1), observer=reader.numbers("observer", order))
+        steady_state=reader.steady_state(),
+        lyapunov=reader.lyapunov(),
+        internal_model=reader.internal_model(),
+        gamma=reader.numbers("gamma", order - 1),
+        observer=reader.numbers("observer", order),
+    )
 
 
 class _AgentReader:
@@ -129,15 +153,29 @@ class _AgentReader:
 
     def zero_dynamics(self, table: Table) -> tuple[sympy.Expr, ...]:
         scope = self.scope
-        return tuple(self.read_value(
-            value, table.at(name), *scope.zero_states, "x1", *scope.exosystem, *scope.parameters,
-            because="in the normal form the zero dynamics depend on z, x1, v and the parameters only")
-            for name, value in table.entries.items())
+        return tuple(
+            self.read_value(
+                value,
+                table.at(name),
+                *scope.zero_states,
+                "x1",
+                *scope.exosystem,
+                *scope.parameters,
+                because="in the normal form the zero dynamics depend on z, x1, v and the parameters only",
+            )
+            for name, value in table.entries.items()
+        )
 
     def right_hand_side(self) -> sympy.Expr:
         scope = self.scope
-        return self.read("f", *scope.zero_states, *self.chain, *scope.exosystem, *scope.parameters,
-                         because="f depends on z, x, v and the parameters only")
+        return self.read(
+            "f",
+            *scope.zero_states,
+            *self.chain,
+            *scope.exosystem,
+            *scope.parameters,
+            because="f depends on z, x, v and the parameters only",
+        )
 
     def input_gain(self) -> sympy.Expr:
         return self.read("b", *self.scope.parameters, because="b depends on the parameters only")
@@ -150,9 +188,17 @@ class _AgentReader:
             return None
         scope = self.scope
         table = self.table.table("steady_state", scope.zero_states)
-        return tuple(self.read_value(
-            table.need(name), table.at(name), str(COST_VARIABLE), *scope.exosystem, *scope.parameters,
-            because="a steady state z* depends on s, v and the parameters only") for name in scope.zero_states)
+        return tuple(
+            self.read_value(
+                table.need(name),
+                table.at(name),
+                str(COST_VARIABLE),
+                *scope.exosystem,
+                *scope.parameters,
+                because="a steady state z* depends on s, v and the parameters only",
+            )
+            for name in scope.zero_states
+        )
 
     def lyapunov(self) -> sympy.Expr | None:
         key = "zero_dynamics_lyapunov"

@@ -26,8 +26,9 @@ def lie_derivative(polynomial: PolyElement, velocity: Iterable[PolyElement]) -> 
     return result
 
 
-def least_annihilator(polynomials: Iterable[PolyElement], velocity: list[PolyElement], domain: Any,
-                      max_order: int) -> sympy.Poly:
+def least_annihilator(
+    polynomials: Iterable[PolyElement], velocity: list[PolyElement], domain: Any, max_order: int
+) -> sympy.Poly:
     """Monic ``P`` of least degree with ``P(L_S) q = 0`` for every given q: the least common multiple of theirs.
 
     Raises ``OrderExceeded`` if its degree passes ``max_order``.
@@ -74,5 +75,7 @@ def _annihilator(polynomial: PolyElement, velocity: list[PolyElement], domain: A
 
 def velocity_of(S: sympy.Matrix, ring: PolyRing, generators: list[PolyElement], domain: Any) -> list[PolyElement]:
     """``S v`` as polynomials of the ring, in the order of ``generators``."""
-    return [sum((generators[j].mul_ground(domain.from_sympy(S[i, j])) for j in range(len(generators))), ring.zero)
-            for i in range(len(generators))]
+    return [
+        sum((generators[j].mul_ground(domain.from_sympy(S[i, j])) for j in range(len(generators))), ring.zero)
+        for i in range(len(generators))
+    ]

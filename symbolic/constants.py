@@ -11,8 +11,15 @@ PRECISION = 256
 LARGEST = arb(2) ** 10_000
 
 FUNCTION_BALLS = {
-    sympy.sin: arb.sin, sympy.cos: arb.cos, sympy.tan: arb.tan, sympy.exp: arb.exp, sympy.log: arb.log,
-    sympy.tanh: arb.tanh, sympy.atan: arb.atan, sympy.sinh: arb.sinh, sympy.cosh: arb.cosh,
+    sympy.sin: arb.sin,
+    sympy.cos: arb.cos,
+    sympy.tan: arb.tan,
+    sympy.exp: arb.exp,
+    sympy.log: arb.log,
+    sympy.tanh: arb.tanh,
+    sympy.atan: arb.atan,
+    sympy.sinh: arb.sinh,
+    sympy.cosh: arb.cosh,
 }
 
 

@@ -38,7 +38,7 @@ class CoordinateMaps:
     @cached_property
     def xbar(self) -> Exprs:
         """``x̄_k = g^(k−1) x̂_k`` for k < n and ``x̄_n = ϑ − Σ_(k<n) g^(n−k) γ_k x̄_k``."""
-        lower = tuple(self.symbols.gains.g ** k * x for k, x in enumerate(self.symbols.xhat))
+        lower = tuple(self.symbols.gains.g**k * x for k, x in enumerate(self.symbols.xhat))
         return (*lower, self.symbols.vartheta - dot(self.weights[:-1], lower))
 
     @cached_property
@@ -57,8 +57,10 @@ class CoordinateMaps:
     @cached_property
     def eta_bar(self) -> Exprs:
         """``η̄ = η̃ + b⁻¹ N ϑ``."""
-        return tuple(tilde + N * self.symbols.vartheta / self.agent.b
-                     for tilde, N in zip(self.symbols.etatilde, self.N, strict=True))
+        return tuple(
+            tilde + N * self.symbols.vartheta / self.agent.b
+            for tilde, N in zip(self.symbols.etatilde, self.N, strict=True)
+        )
 
     @cached_property
     def steady_eta(self) -> Exprs:
@@ -73,12 +75,16 @@ class CoordinateMaps:
         vartheta = dot(self.weights, xbar)
         return (
             *((bar, z - star) for bar, z, star in zip(sym.zbar, self.agent.zero_states, self.z_star, strict=True)),
-            *((hat, xbar[k] / sym.gains.g ** k) for k, hat in enumerate(sym.xhat)),
-            *((tilde, eta - steady - N * vartheta / self.agent.b) for tilde, eta, steady, N
-              in zip(sym.etatilde, sym.eta, self.steady_eta, self.N, strict=True)),
+            *((hat, xbar[k] / sym.gains.g**k) for k, hat in enumerate(sym.xhat)),
+            *(
+                (tilde, eta - steady - N * vartheta / self.agent.b)
+                for tilde, eta, steady, N in zip(sym.etatilde, sym.eta, self.steady_eta, self.N, strict=True)
+            ),
             (sym.vartheta, vartheta),
-            *((e, sym.gains.h ** (self.agent.order - k) * (state - estimate)) for k, (e, state, estimate)
-              in enumerate(zip(sym.e, x, sym.observer, strict=True), 1)),
+            *(
+                (e, sym.gains.h ** (self.agent.order - k) * (state - estimate))
+                for k, (e, state, estimate) in enumerate(zip(sym.e, x, sym.observer, strict=True), 1)
+            ),
         )
 
     def to_original(self) -> Equations:
@@ -89,8 +95,10 @@ class CoordinateMaps:
             *((z, bar + star) for bar, z, star in zip(sym.zbar, self.agent.zero_states, self.z_star, strict=True)),
             *zip(self.agent.chain, states, strict=True),
             *((eta, bar + steady) for eta, bar, steady in zip(sym.eta, self.eta_bar, self.steady_eta, strict=True)),
-            *((estimate, state - e / sym.gains.h ** (self.agent.order - k)) for k, (estimate, state, e)
-              in enumerate(zip(sym.observer, states, sym.e, strict=True), 1)),
+            *(
+                (estimate, state - e / sym.gains.h ** (self.agent.order - k))
+                for k, (estimate, state, e) in enumerate(zip(sym.observer, states, sym.e, strict=True), 1)
+            ),
         )
 
     def original(self) -> Equations:
@@ -103,8 +111,12 @@ class CoordinateMaps:
             *zip(self.agent.zero_states, self.agent.zero_dynamics, strict=True),
             *zip(x, (*x[1:], self.agent.f + self.agent.b * u), strict=True),
             *((eta, dot(row, sym.eta) + N * u) for eta, row, N in zip(sym.eta, rows, self.N, strict=True)),
-            *((state, following + gains.h ** k * gains.c[n - k] * error) for k, (state, following)
-              in enumerate(zip(sym.observer, (*sym.observer[1:], sympy.Integer(0)), strict=True), 1)),
+            *(
+                (state, following + gains.h**k * gains.c[n - k] * error)
+                for k, (state, following) in enumerate(
+                    zip(sym.observer, (*sym.observer[1:], sympy.Integer(0)), strict=True), 1
+                )
+            ),
             *zip(self.exosystem.states, self.velocity, strict=True),
             (sym.reference, sym.reference_rate),
         )

@@ -64,8 +64,9 @@ class ErrorSystem:
         return dict(self.equations)[state]
 
 
-def error_system(agent: Agent, exosystem: Exosystem, steady_state: SteadyState, internal_model: InternalModel,
-                 s_star: sympy.Expr) -> ErrorSystem:
+def error_system(
+    agent: Agent, exosystem: Exosystem, steady_state: SteadyState, internal_model: InternalModel, s_star: sympy.Expr
+) -> ErrorSystem:
     """The error system of an agent at the consensus value ``s_star`` (exact, or the symbol ``s``)."""
     agent = without_point_parameters(agent)
     taken = {*agent.zero_states, *agent.chain, *agent.parameters, *exosystem.states, COST_VARIABLE}
@@ -81,12 +82,31 @@ def error_system(agent: Agent, exosystem: Exosystem, steady_state: SteadyState, 
     epsilon = f2_bar - maps.weights[0] * sym.reference_rate
     xn_dot = f1_bar + f2_bar + agent.b * (sym.ubar + dot(maps.psi, maps.eta_bar))
     matrices = error_matrices(agent.order, sym.gains)
-    equations = (*((name, tracked + moved) for name, tracked, moved in zip(sym.zbar, f0_bar, f0_hat, strict=True)),
-                 *_driven(maps, matrices, f_hat, epsilon), *_observer_errors(maps, matrices, xn_dot))
+    equations = (
+        *((name, tracked + moved) for name, tracked, moved in zip(sym.zbar, f0_bar, f0_hat, strict=True)),
+        *_driven(maps, matrices, f_hat, epsilon),
+        *_observer_errors(maps, matrices, xn_dot),
+    )
     observed = dot(maps.weights, sym.observer) - maps.weights[0] * sym.reference
     estimate = sym.vartheta - dot(tuple(matrices.E2), sym.e)
-    return ErrorSystem(agent, sym, maps.from_original(), maps.to_original(), maps.original(), equations, tuple(f0_bar),
-                       tuple(f0_hat), f1_bar, f2_bar, f_hat, epsilon, xn_dot, observed, estimate, matrices)
+    return ErrorSystem(
+        agent,
+        sym,
+        maps.from_original(),
+        maps.to_original(),
+        maps.original(),
+        equations,
+        tuple(f0_bar),
+        tuple(f0_hat),
+        f1_bar,
+        f2_bar,
+        f_hat,
+        epsilon,
+        xn_dot,
+        observed,
+        estimate,
+        matrices,
+    )
 
 
 def identity_residuals(system: ErrorSystem) -> tuple[sympy.Expr, ...]:
@@ -125,15 +145,23 @@ def error_matrices(order: int, gains: DesignSymbols) -> ErrorMatrices:
 def _driven(maps: CoordinateMaps, matrices: ErrorMatrices, f_hat: sympy.Expr, epsilon: sympy.Expr) -> Equations:
     """``x̂' = g Ac x̂ + Bc ϑ − E ẏ^r``, ``η̃' = Mη̃ + b⁻¹(MNϑ − Nf̂ − Nε)``, ``ϑ' = f̂ + bΨη̃ + ΨNϑ + bū + ε``."""
     sym, b = maps.symbols, maps.agent.b
-    xhat_rates = sym.gains.g * matrices.Ac * sympy.Matrix(len(sym.xhat), 1, list(sym.xhat)) \
-        + matrices.Bc * sym.vartheta - matrices.E * sym.reference_rate
+    xhat_rates = (
+        sym.gains.g * matrices.Ac * sympy.Matrix(len(sym.xhat), 1, list(sym.xhat))
+        + matrices.Bc * sym.vartheta
+        - matrices.E * sym.reference_rate
+    )
     rows = [[as_expression(entry) for entry in row] for row in maps.model.M]
-    eta_rates = (dot(row, sym.etatilde) + (dot(row, maps.N) * sym.vartheta - N * f_hat - N * epsilon) / b
-                 for row, N in zip(rows, maps.N, strict=True))
+    eta_rates = (
+        dot(row, sym.etatilde) + (dot(row, maps.N) * sym.vartheta - N * f_hat - N * epsilon) / b
+        for row, N in zip(rows, maps.N, strict=True)
+    )
     generated = b * dot(maps.psi, sym.etatilde) + dot(maps.psi, maps.N) * sym.vartheta
     vartheta_rate = f_hat + generated + b * sym.ubar + epsilon
-    return (*zip(sym.xhat, xhat_rates, strict=True), *zip(sym.etatilde, eta_rates, strict=True),
-            (sym.vartheta, vartheta_rate))
+    return (
+        *zip(sym.xhat, xhat_rates, strict=True),
+        *zip(sym.etatilde, eta_rates, strict=True),
+        (sym.vartheta, vartheta_rate),
+    )
 
 
 def _observer_errors(maps: CoordinateMaps, matrices: ErrorMatrices, xn_dot: sympy.Expr) -> Equations:

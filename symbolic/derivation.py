@@ -32,8 +32,14 @@ def derive_agent(agent: Agent, plant: Plant, s_star: sympy.Expr) -> AgentDerivat
     model = internal_model(agent, exosystem, steady, s_star)
     if isinstance(model, NoInternalModel):
         return AgentDerivation(agent, steady, model, design, None, None)
-    return AgentDerivation(agent, steady, model, design, error_system(agent, exosystem, steady, model, s_star),
-                           named_equations(agent, exosystem, steady, model, s_star))
+    return AgentDerivation(
+        agent,
+        steady,
+        model,
+        design,
+        error_system(agent, exosystem, steady, model, s_star),
+        named_equations(agent, exosystem, steady, model, s_star),
+    )
 
 
 def derive(plant: Plant, s_star: sympy.Expr) -> Derivation:
@@ -47,6 +53,8 @@ def derive(plant: Plant, s_star: sympy.Expr) -> Derivation:
 
 def _structure(derived: AgentDerivation) -> tuple[object, ...]:
     agent = without_point_parameters(derived.agent)
-    outcome = tuple(part if isinstance(part, SteadyState | InternalModel) else str(part)
-                    for part in (derived.steady_state, derived.internal_model))
+    outcome = tuple(
+        part if isinstance(part, SteadyState | InternalModel) else str(part)
+        for part in (derived.steady_state, derived.internal_model)
+    )
     return agent.order, agent.zero_states, agent.zero_dynamics, agent.f, agent.b, derived.design, outcome

@@ -44,7 +44,9 @@ def as_latex(derivation: Derivation) -> str:
 def as_dict(derivation: Derivation) -> dict[str, Any]:
     """For JSON: exact numbers and expressions as strings."""
     return {
-        "plant": derivation.plant, "status": derivation.verdict, "s_star": str(derivation.s_star),
+        "plant": derivation.plant,
+        "status": derivation.verdict,
+        "s_star": str(derivation.s_star),
         "types": [list(ids) for ids in derivation.types],
         "agents": [_agent_dict(agent) for agent in derivation.agents],
     }
@@ -63,8 +65,11 @@ def _lines(derived: AgentDerivation) -> list[str]:
         lines.append(f"γ = {_row(derived.design.gamma)}, c = {_row(derived.design.observer)}")
     equations = derived.equations
     assert equations is not None
-    for title, group in (("coordinates", equations.coordinates), ("functions", equations.functions),
-                         ("error equations", equations.rates)):
+    for title, group in (
+        ("coordinates", equations.coordinates),
+        ("functions", equations.functions),
+        ("error equations", equations.rates),
+    ):
         lines += [f"{title}:", *(f"  {_equation_text(equation, equations.symbols)}" for equation in group)]
     return lines
 
@@ -72,27 +77,35 @@ def _lines(derived: AgentDerivation) -> list[str]:
 def _model_lines(model: InternalModel) -> list[str]:
     if model.order == 0:
         return ["no internal model: u* vanishes"]
-    return [f"s_i = {model.order}{'' if model.least else ' (perhaps not the least)'}, ℓ = {_row(model.ell)}, "
-            f"characteristic polynomial {_UnicodePrinter({LAMBDA: 'λ'}).doprint(model.characteristic)}",
-            f"Φ = {_matrix(model.Phi)}, Γ = {_row(model.Gamma)}", f"M = {_matrix(model.M)}, N = {_row(model.N)}",
-            f"T = {_matrix(model.T)}", f"Ψ = Γ T⁻¹ = {_row(model.psi)}"]
+    return [
+        f"s_i = {model.order}{'' if model.least else ' (perhaps not the least)'}, ℓ = {_row(model.ell)}, "
+        f"characteristic polynomial {_UnicodePrinter({LAMBDA: 'λ'}).doprint(model.characteristic)}",
+        f"Φ = {_matrix(model.Phi)}, Γ = {_row(model.Gamma)}",
+        f"M = {_matrix(model.M)}, N = {_row(model.N)}",
+        f"T = {_matrix(model.T)}",
+        f"Ψ = Γ T⁻¹ = {_row(model.psi)}",
+    ]
 
 
 def _latex_parts(derived: AgentDerivation) -> list[str]:
     steady, model = derived.steady_state, derived.internal_model
     if not isinstance(steady, SteadyState):
         return [f"No steady state ({steady.verdict})."]
-    lines = [rf"{latex_expression(name)}^\star(s, v, w) &= {latex_expression(z)}"
-             for name, z in zip(derived.agent.zero_states, steady.z_star, strict=True)]
+    lines = [
+        rf"{latex_expression(name)}^\star(s, v, w) &= {latex_expression(z)}"
+        for name, z in zip(derived.agent.zero_states, steady.z_star, strict=True)
+    ]
     lines.append(rf"u^\star(s, v, w) &= {latex_expression(steady.u_star)}")
     if isinstance(model, NoInternalModel) or model is None or derived.equations is None:
         return [latex_align(lines), "No internal model."]
     if model.order:
         column = [[entry] for entry in model.N]
-        lines += [rf"\ell &= ({', '.join(latex_number(entry) for entry in model.ell)})",
-                  rf"\Phi &= {latex_matrix(model.Phi)}, \quad \Gamma = {latex_matrix([model.Gamma])}",
-                  rf"M &= {latex_matrix(model.M)}, \quad N = {latex_matrix(column)}",
-                  rf"T &= {latex_matrix(model.T)}, \quad \Psi = \Gamma T^{{-1}} = {latex_matrix([model.psi])}"]
+        lines += [
+            rf"\ell &= ({', '.join(latex_number(entry) for entry in model.ell)})",
+            rf"\Phi &= {latex_matrix(model.Phi)}, \quad \Gamma = {latex_matrix([model.Gamma])}",
+            rf"M &= {latex_matrix(model.M)}, \quad N = {latex_matrix(column)}",
+            rf"T &= {latex_matrix(model.T)}, \quad \Psi = \Gamma T^{{-1}} = {latex_matrix([model.psi])}",
+        ]
     names = latex_names(derived.equations.symbols)
     groups = (derived.equations.coordinates, derived.equations.functions, derived.equations.rates)
     blocks = [[latex_equation(equation, names) for equation in group] for group in groups]
@@ -101,19 +114,34 @@ def _latex_parts(derived: AgentDerivation) -> list[str]:
 
 def _agent_dict(derived: AgentDerivation) -> dict[str, Any]:
     steady, model, equations = derived.steady_state, derived.internal_model, derived.equations
-    result: dict[str, Any] = {"id": derived.id, "order": derived.agent.order, "status": derived.verdict,
-                              "gamma": _strings(derived.design.gamma), "observer": _strings(derived.design.observer)}
+    result: dict[str, Any] = {
+        "id": derived.id,
+        "order": derived.agent.order,
+        "status": derived.verdict,
+        "gamma": _strings(derived.design.gamma),
+        "observer": _strings(derived.design.observer),
+    }
     if isinstance(steady, SteadyState):
-        result["steady_state"] = {"source": steady.source, "u": str(steady.u_star), "z": {
-            str(name): str(z) for name, z in zip(derived.agent.zero_states, steady.z_star, strict=True)}}
+        result["steady_state"] = {
+            "source": steady.source,
+            "u": str(steady.u_star),
+            "z": {str(name): str(z) for name, z in zip(derived.agent.zero_states, steady.z_star, strict=True)},
+        }
     else:
         result["steady_state"] = {"verdict": steady.verdict, "reason": steady.reason, "evidence": dict(steady.evidence)}
     if isinstance(model, InternalModel):
         result["internal_model"] = {
-            "order": model.order, "least": model.least, "ell": _strings(model.ell),
-            **{name: [_strings(row) for row in rows] for name, rows in
-               (("Phi", model.Phi), ("M", model.M), ("T", model.T))},
-            "Gamma": _strings(model.Gamma), "N": _strings(model.N), "psi": _strings(model.psi)}
+            "order": model.order,
+            "least": model.least,
+            "ell": _strings(model.ell),
+            **{
+                name: [_strings(row) for row in rows]
+                for name, rows in (("Phi", model.Phi), ("M", model.M), ("T", model.T))
+            },
+            "Gamma": _strings(model.Gamma),
+            "N": _strings(model.N),
+            "psi": _strings(model.psi),
+        }
     elif model is not None:
         result["internal_model"] = {"verdict": model.verdict, "reason": model.reason, "evidence": dict(model.evidence)}
     if equations is not None:
@@ -122,9 +150,14 @@ def _agent_dict(derived: AgentDerivation) -> dict[str, Any]:
 
 
 def _equation_dict(equations: NamedEquations) -> dict[str, dict[str, str]]:
-    return {title: {f"{equation.left}{_prime(equation)}": str(equation.right) for equation in group}
-            for title, group in (("coordinates", equations.coordinates), ("functions", equations.functions),
-                                 ("rates", equations.rates))}
+    return {
+        title: {f"{equation.left}{_prime(equation)}": str(equation.right) for equation in group}
+        for title, group in (
+            ("coordinates", equations.coordinates),
+            ("functions", equations.functions),
+            ("rates", equations.rates),
+        )
+    }
 
 
 class _UnicodePrinter(StrPrinter):
@@ -144,13 +177,29 @@ class _UnicodePrinter(StrPrinter):
 
 
 def _unicode_names(symbols: ErrorSymbols) -> dict[sympy.Symbol, str]:
-    families = ((symbols.zbar, "z̄"), (symbols.xhat, "x̂"), (symbols.etatilde, "η̃"), (symbols.eta, "η"),
-                (symbols.observer, "x̃"), (symbols.xbar, "x̄"), (symbols.f0_bar, "f̄0_"), (symbols.f0_hat, "f̂0_"),
-                (symbols.gains.gamma, "γ"))
+    families = (
+        (symbols.zbar, "z̄"),
+        (symbols.xhat, "x̂"),
+        (symbols.etatilde, "η̃"),
+        (symbols.eta, "η"),
+        (symbols.observer, "x̃"),
+        (symbols.xbar, "x̄"),
+        (symbols.f0_bar, "f̄0_"),
+        (symbols.f0_hat, "f̂0_"),
+        (symbols.gains.gamma, "γ"),
+    )
     names = {symbol: f"{head}{k}" for family, head in families for k, symbol in enumerate(family, 1)}
     names |= {symbol: f"z{k}*" for k, symbol in enumerate(symbols.zstar, 1)}
-    return names | {symbols.vartheta: "ϑ", symbols.reference: "yr", symbols.reference_rate: "yr'", symbols.ubar: "ū",
-                    symbols.f1_bar: "f̄1", symbols.f2_bar: "f̄2", symbols.f_hat: "f̂", symbols.epsilon: "ε"}
+    return names | {
+        symbols.vartheta: "ϑ",
+        symbols.reference: "yr",
+        symbols.reference_rate: "yr'",
+        symbols.ubar: "ū",
+        symbols.f1_bar: "f̄1",
+        symbols.f2_bar: "f̄2",
+        symbols.f_hat: "f̂",
+        symbols.epsilon: "ε",
+    }
 
 
 def _equation_text(equation: NamedEquation, symbols: ErrorSymbols) -> str:

@@ -109,8 +109,9 @@ def is_controllable(M: tuple[Row, ...], N: Row) -> bool:
 def _checked(agent: Agent, key: str, lower: Row, degree: int) -> Row:
     """``lower`` is written from the constant coefficient up, without the leading 1."""
     if len(lower) != degree:
-        raise InputError(f"agent {agent.id}: {key}: {degree} coefficients are needed for order {agent.order}, "
-                         f"not {len(lower)}")
+        raise InputError(
+            f"agent {agent.id}: {key}: {degree} coefficients are needed for order {agent.order}, not {len(lower)}"
+        )
     test = hurwitz_test((Fraction(1), *reversed(lower)))
     if test.verdict != "holds":
         raise InputError(f"agent {agent.id}: {key}: not Hurwitz, {test.reason}")

@@ -67,12 +67,25 @@ def error_symbols(zero_states: int, order: int, internal_order: int, taken: Iter
         return tuple(fresh(f"{name}{k}") for k in range(1, count + 1))
 
     return ErrorSymbols(
-        zbar=several("zbar", zero_states), xhat=several("xhat", order - 1),
-        etatilde=several("etatilde", internal_order), vartheta=fresh("vartheta"), e=several("e", order),
+        zbar=several("zbar", zero_states),
+        xhat=several("xhat", order - 1),
+        etatilde=several("etatilde", internal_order),
+        vartheta=fresh("vartheta"),
+        e=several("e", order),
         eta=several("eta", internal_order),
-        observer=several("xtilde", order), reference=fresh("yr"), reference_rate=fresh("yr_dot"), ubar=fresh("ubar"),
-        xbar=several("xbar", order), zstar=several("zstar", zero_states),
-        f0_bar=several("f0_bar", zero_states), f0_hat=several("f0_hat", zero_states), f1_bar=fresh("f1_bar"),
-        f2_bar=fresh("f2_bar"), f_hat=fresh("f_hat"), epsilon=fresh("epsilon"),
-        gains=DesignSymbols(fresh("g"), fresh("K"), fresh("delta"), fresh("h"), several("gamma", order - 1),
-                            several("c", order)))
+        observer=several("xtilde", order),
+        reference=fresh("yr"),
+        reference_rate=fresh("yr_dot"),
+        ubar=fresh("ubar"),
+        xbar=several("xbar", order),
+        zstar=several("zstar", zero_states),
+        f0_bar=several("f0_bar", zero_states),
+        f0_hat=several("f0_hat", zero_states),
+        f1_bar=fresh("f1_bar"),
+        f2_bar=fresh("f2_bar"),
+        f_hat=fresh("f_hat"),
+        epsilon=fresh("epsilon"),
+        gains=DesignSymbols(
+            fresh("g"), fresh("K"), fresh("delta"), fresh("h"), several("gamma", order - 1), several("c", order)
+        ),
+    )

@@ -83,14 +83,19 @@ def _fraction(expr: sympy.Expr, ring: PolyRing, generators: dict[sympy.Symbol, P
     if isinstance(expr, sympy.Pow) and expr.exp.is_Integer:
         numerator, denominator = _fraction(expr.base, ring, generators)
         power = abs(int(expr.exp))
-        raised = numerator ** power, denominator ** power
+        raised = numerator**power, denominator**power
         return raised if expr.exp > 0 else (raised[1], raised[0])
     return ring.ground_new(ring.domain.from_sympy(expr)), ring.one
 
 
 def _is_surd(expr: sympy.Expr) -> bool:
-    return isinstance(expr, sympy.Pow) and isinstance(expr.base, sympy.Rational) and expr.exp.is_Rational \
-        and not expr.exp.is_Integer and bool(expr.is_real)
+    return (
+        isinstance(expr, sympy.Pow)
+        and isinstance(expr.base, sympy.Rational)
+        and expr.exp.is_Rational
+        and not expr.exp.is_Integer
+        and bool(expr.is_real)
+    )
 
 
 def _with_kernels(expr: sympy.Expr, kernels: dict[sympy.Expr, sympy.Symbol]) -> sympy.Expr:
@@ -102,11 +107,17 @@ def _with_kernels(expr: sympy.Expr, kernels: dict[sympy.Expr, sympy.Symbol]) -> 
     if isinstance(expr, sympy.Pow) and isinstance(expr.exp, sympy.Rational):
         root = expr.base if expr.exp.is_Integer else sympy.Pow(expr.base, sympy.Rational(1, expr.exp.q))
         inner = _with_kernels(root, kernels) if expr.exp.is_Integer else _kernel(root, kernels)
-        return inner ** expr.exp.p
+        return inner**expr.exp.p
     if isinstance(expr, sympy.exp):
         parts = [term.as_coeff_Mul() for term in sympy.Add.make_args(sympy.expand(expr.args[0]))]
-        return sympy.Mul(*(_kernel(sympy.exp(rest / times.q), kernels) ** times.p if isinstance(times, sympy.Rational)
-                           else _kernel(sympy.exp(times * rest), kernels) for times, rest in parts))
+        return sympy.Mul(
+            *(
+                _kernel(sympy.exp(rest / times.q), kernels) ** times.p
+                if isinstance(times, sympy.Rational)
+                else _kernel(sympy.exp(times * rest), kernels)
+                for times, rest in parts
+            )
+        )
     return _kernel(expr, kernels)
 
 

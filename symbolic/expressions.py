@@ -30,8 +30,7 @@ _ATOMS = (sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))
 _HEADS = (sympy.Add, sympy.Mul, sympy.Pow, *FUNCTION_BALLS)
 
 
-def parse_expression(text: str, names: Names, *, where: Where,
-                     refused: Mapping[str, str] | None = None) -> sympy.Expr:
+def parse_expression(text: str, names: Names, *, where: Where, refused: Mapping[str, str] | None = None) -> sympy.Expr:
     """The expression in the declared names; a set of names stands for the symbols of those names.
 
     ``refused`` gives the reason why a name known elsewhere may not appear here. The result is made of sums, products,
@@ -145,8 +144,10 @@ def _build(node: Node, names: Mapping[str, _Value]) -> _Value:
             size = _affordable(size_of_sum(part.size for part in parts), node)
             return _checked(sympy.Add(*(part.expr for part in parts)), size, node)
         case Product(factors):
-            parts = [_power(_build(factor, names), -1, factor) if divides else _build(factor, names)
-                     for factor, divides in factors]
+            parts = [
+                _power(_build(factor, names), -1, factor) if divides else _build(factor, names)
+                for factor, divides in factors
+            ]
             size = _affordable(size_of_product(part.size for part in parts), node)
             return _checked(sympy.Mul(*(part.expr for part in parts)), size, node)
         case Power(base, exponent):

@@ -37,8 +37,10 @@ def hurwitz_test(coefficients: Sequence[Fraction | int]) -> HurwitzTest:
     sign = 1 if coefficients[0] > 0 else -1
     a = [Fraction(sign * c) for c in coefficients]
     order = len(a) - 1
-    matrix = [[a[2 * column - row + 1] if 0 <= 2 * column - row + 1 <= order else Fraction(0)
-               for column in range(order)] for row in range(order)]
+    matrix = [
+        [a[2 * column - row + 1] if 0 <= 2 * column - row + 1 <= order else Fraction(0) for column in range(order)]
+        for row in range(order)
+    ]
     minors: list[Fraction] = []
     for minor in _leading_minors(matrix):
         minors.append(minor)
@@ -53,7 +55,7 @@ def _leading_minors(matrix: list[list[Fraction]]) -> Iterator[Fraction]:
     for k, pivot_row in enumerate(matrix):
         minor *= pivot_row[k]
         yield minor
-        for row in matrix[k + 1:]:
+        for row in matrix[k + 1 :]:
             factor = row[k] / pivot_row[k]
             if factor:
                 row[k:] = [entry - factor * above for entry, above in zip(row[k:], pivot_row[k:], strict=True)]

@@ -91,7 +91,7 @@ def degree_bound(expr: sympy.Expr, symbols: Collection[sympy.Symbol]) -> int:
 def excerpt(expr: sympy.Expr, length: int = 200) -> str:
     """The expression as text, cut to a length that can be shown."""
     text = str(expr)
-    return text if len(text) <= length else text[:length - 1] + "…"
+    return text if len(text) <= length else text[: length - 1] + "…"
 
 
 def _nonzero_point(expr: sympy.Expr, box: Box) -> dict[str, str] | None:

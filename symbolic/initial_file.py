@@ -30,9 +30,12 @@ class InitialTable:
         chain = [f"x{k}" for k in range(1, order + 1)]
         measured = self._is_measured()
         return InitialBox(
-            z=self._components("z", zero_states, scope), x=self._components("x", chain, scope),
+            z=self._components("z", zero_states, scope),
+            x=self._components("x", chain, scope),
             observer=None if measured else self._components("observer", chain, scope),
-            eta=self._one("eta", scope), reference=self._one("reference", scope))
+            eta=self._one("eta", scope),
+            reference=self._one("reference", scope),
+        )
 
     def check(self, agents: Iterable[Agent], scope: Scope) -> None:
         """Refuses a component that no agent has, and faults in entries that no agent used."""
@@ -64,8 +67,12 @@ class InitialTable:
             return ()
         value, where = self.table.entries.get(key), self.table.at(key)
         if isinstance(value, dict):
-            return tuple(interval(value[name], where.at(name), scope.constants) if name in value
-                         else self._default(key, name, scope) for name in names)
+            return tuple(
+                interval(value[name], where.at(name), scope.constants)
+                if name in value
+                else self._default(key, name, scope)
+                for name in names
+            )
         if isinstance(value, list) and not is_interval(value):
             entries = array(value, where)
             if len(entries) != len(names):

@@ -47,7 +47,7 @@ class InternalModel:
     @property
     def characteristic(self) -> sympy.Expr:
         """``λ^s − ℓ_s λ^(s−1) − … − ℓ_1``, factored."""
-        return sympy.factor(LAMBDA ** self.order - sum(as_expression(c) * LAMBDA ** k for k, c in enumerate(self.ell)))
+        return sympy.factor(LAMBDA**self.order - sum(as_expression(c) * LAMBDA**k for k, c in enumerate(self.ell)))
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,9 @@ class NoInternalModel:
     evidence: Mapping[str, str] = field(default_factory=dict)
 
 
-def internal_model(agent: Agent, exosystem: Exosystem, steady_state: SteadyState,
-                   s_star: sympy.Expr) -> InternalModel | NoInternalModel:
+def internal_model(
+    agent: Agent, exosystem: Exosystem, steady_state: SteadyState, s_star: sympy.Expr
+) -> InternalModel | NoInternalModel:
     """The internal model of the least order that generates ``u*(s*, v, w)`` for every w; (M, N) the user's or defaults.
 
     ``s_star`` is the exact consensus value, or the symbol ``s``: then the relation holds for every s.
@@ -74,7 +75,7 @@ def internal_model(agent: Agent, exosystem: Exosystem, steady_state: SteadyState
         settled = parts.proved and COST_VARIABLE not in u_star.free_symbols
         reason = f"u* is not {'' if settled else 'shown to be '}a polynomial in v: {parts.reason}"
         return NoInternalModel("fails" if settled else "unknown", reason, {"term": parts.term, "u*": excerpt(u_star)})
-    velocity = velocity_of(exosystem.S, parts.ring, list(parts.ring.gens[:len(exosystem.states)]), parts.domain)
+    velocity = velocity_of(exosystem.S, parts.ring, list(parts.ring.gens[: len(exosystem.states)]), parts.domain)
     try:
         relation = least_annihilator(parts.polynomials, velocity, parts.domain, MAX_ORDER)
     except OrderExceeded:
@@ -96,9 +97,17 @@ def internal_model(agent: Agent, exosystem: Exosystem, steady_state: SteadyState
         return tuple(as_number(domain.to_sympy(entry)) for entry in row)
 
     return InternalModel(
-        order, numbers(ell), _companion(numbers(ell)), (Fraction(1),) + (Fraction(0),) * (order - 1), pair.M, pair.N,
-        tuple(numbers(row) for row in T.to_list()), numbers(psi.transpose().to_list()[0]), parts.independent,
-        _spectrum(relation))
+        order,
+        numbers(ell),
+        _companion(numbers(ell)),
+        (Fraction(1),) + (Fraction(0),) * (order - 1),
+        pair.M,
+        pair.N,
+        tuple(numbers(row) for row in T.to_list()),
+        numbers(psi.transpose().to_list()[0]),
+        parts.independent,
+        _spectrum(relation),
+    )
 
 
 def _sylvester(M: DomainMatrix, N: DomainMatrix, ell: list[Any], domain: Any) -> DomainMatrix:
@@ -130,7 +139,7 @@ def _spectrum(relation: sympy.Poly) -> str:
         return "fails"
     coefficients = relation.rep.to_list()[::-1]
     parity = 1 if not coefficients[0] else 0
-    if any(coefficients[1 - parity::2]):
+    if any(coefficients[1 - parity :: 2]):
         return "fails"
     q = sympy.Poly.from_list(coefficients[parity::2][::-1], LAMBDA, domain=relation.domain)
     if q.degree() == 0:

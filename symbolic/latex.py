@@ -16,15 +16,34 @@ Names = Mapping[sympy.Symbol, str]
 def latex_names(symbols: ErrorSymbols) -> dict[sympy.Symbol, str]:
     """The paper's notation for the symbols of an error system; all others are printed as SymPy does."""
     gains = symbols.gains
-    families = ((symbols.zbar, r"\bar z"), (symbols.xhat, r"\hat x"), (symbols.etatilde, r"\tilde\eta"),
-                (symbols.e, "e"), (symbols.eta, r"\eta"), (symbols.observer, r"\tilde x"), (symbols.xbar, r"\bar x"),
-                (symbols.f0_bar, r"\bar f_0"), (symbols.f0_hat, r"\hat f_0"), (gains.gamma, r"\gamma"), (gains.c, "c"))
+    families = (
+        (symbols.zbar, r"\bar z"),
+        (symbols.xhat, r"\hat x"),
+        (symbols.etatilde, r"\tilde\eta"),
+        (symbols.e, "e"),
+        (symbols.eta, r"\eta"),
+        (symbols.observer, r"\tilde x"),
+        (symbols.xbar, r"\bar x"),
+        (symbols.f0_bar, r"\bar f_0"),
+        (symbols.f0_hat, r"\hat f_0"),
+        (gains.gamma, r"\gamma"),
+        (gains.c, "c"),
+    )
     names = {symbol: _indexed(head, k) for family, head in families for k, symbol in enumerate(family, 1)}
     names |= {symbol: rf"z^\star_{{{k}}}" for k, symbol in enumerate(symbols.zstar, 1)}
     return names | {
-        symbols.vartheta: r"\vartheta", symbols.reference: "y^r", symbols.reference_rate: r"\dot y^r",
-        symbols.ubar: r"\bar u", symbols.f1_bar: r"\bar f_1", symbols.f2_bar: r"\bar f_2", symbols.f_hat: r"\hat f",
-        symbols.epsilon: r"\varepsilon", gains.g: "g", gains.K: "K", gains.delta: r"\delta", gains.h: "h",
+        symbols.vartheta: r"\vartheta",
+        symbols.reference: "y^r",
+        symbols.reference_rate: r"\dot y^r",
+        symbols.ubar: r"\bar u",
+        symbols.f1_bar: r"\bar f_1",
+        symbols.f2_bar: r"\bar f_2",
+        symbols.f_hat: r"\hat f",
+        symbols.epsilon: r"\varepsilon",
+        gains.g: "g",
+        gains.K: "K",
+        gains.delta: r"\delta",
+        gains.h: "h",
     }
 
 

@@ -38,8 +38,9 @@ class NamedEquations:
     rates: tuple[NamedEquation, ...]
 
 
-def named_equations(agent: Agent, exosystem: Exosystem, steady_state: SteadyState, internal_model: InternalModel,
-                    s_star: sympy.Expr) -> NamedEquations:
+def named_equations(
+    agent: Agent, exosystem: Exosystem, steady_state: SteadyState, internal_model: InternalModel, s_star: sympy.Expr
+) -> NamedEquations:
     """The error system of ``coordinates.error_system`` in the form of theory.md section 3, for printing.
 
     For n = 1 the controller needs no observer: e is left out and ``ū = −sat_δ(K ϑ)``.
@@ -60,12 +61,17 @@ def _coordinates(maps: CoordinateMaps) -> tuple[NamedEquation, ...]:
         *(NamedEquation(star, value) for star, value in zip(sym.zstar, maps.z_star, strict=True)),
         *(NamedEquation(bar, z - star) for bar, z, star in zip(sym.zbar, agent.zero_states, sym.zstar, strict=True)),
         *(NamedEquation(bar, value) for bar, value in zip(sym.xbar, xbar, strict=True)),
-        *(NamedEquation(hat, sym.xbar[k] / sym.gains.g ** k) for k, hat in enumerate(sym.xhat)),
+        *(NamedEquation(hat, sym.xbar[k] / sym.gains.g**k) for k, hat in enumerate(sym.xhat)),
         NamedEquation(sym.vartheta, dot(maps.weights, sym.xbar)),
-        *(NamedEquation(tilde, eta - steady - N * sym.vartheta / agent.b)
-          for tilde, eta, steady, N in zip(sym.etatilde, sym.eta, maps.steady_eta, maps.N, strict=True)),
-        *(NamedEquation(e, sym.gains.h ** (agent.order - k) * (x - estimate)) for k, (e, x, estimate)
-          in enumerate(zip(sym.e, agent.chain, sym.observer, strict=True), 1) if agent.order > 1),
+        *(
+            NamedEquation(tilde, eta - steady - N * sym.vartheta / agent.b)
+            for tilde, eta, steady, N in zip(sym.etatilde, sym.eta, maps.steady_eta, maps.N, strict=True)
+        ),
+        *(
+            NamedEquation(e, sym.gains.h ** (agent.order - k) * (x - estimate))
+            for k, (e, x, estimate) in enumerate(zip(sym.e, agent.chain, sym.observer, strict=True), 1)
+            if agent.order > 1
+        ),
     )
 
 
@@ -75,7 +81,8 @@ def _functions(maps: CoordinateMaps, s_star: sympy.Expr) -> tuple[NamedEquation,
     return (
         *(NamedEquation(name, expr) for name, expr in zip(sym.f0_bar, f0_bar, strict=True)),
         *(NamedEquation(name, expr) for name, expr in zip(sym.f0_hat, f0_hat, strict=True)),
-        NamedEquation(sym.f1_bar, f1_bar), NamedEquation(sym.f2_bar, f2_bar),
+        NamedEquation(sym.f1_bar, f1_bar),
+        NamedEquation(sym.f2_bar, f2_bar),
         NamedEquation(sym.f_hat, sym.f1_bar + dot(maps.weights[:-1], sym.xbar[1:])),
         NamedEquation(sym.epsilon, sym.f2_bar - maps.weights[0] * sym.reference_rate),
     )
@@ -84,20 +91,30 @@ def _functions(maps: CoordinateMaps, s_star: sympy.Expr) -> tuple[NamedEquation,
 def _rates(maps: CoordinateMaps) -> tuple[NamedEquation, ...]:
     sym, agent, b = maps.symbols, maps.agent, maps.agent.b
     matrices = error_matrices(agent.order, sym.gains)
-    xhat = sym.gains.g * matrices.Ac * sympy.Matrix(len(sym.xhat), 1, list(sym.xhat)) \
-        + matrices.Bc * sym.vartheta - matrices.E * sym.reference_rate
+    xhat = (
+        sym.gains.g * matrices.Ac * sympy.Matrix(len(sym.xhat), 1, list(sym.xhat))
+        + matrices.Bc * sym.vartheta
+        - matrices.E * sym.reference_rate
+    )
     rows = [[as_expression(entry) for entry in row] for row in maps.model.M]
-    etatilde = [dot(row, sym.etatilde) + dot(row, maps.N) * sym.vartheta / b - N * (sym.f_hat + sym.epsilon) / b
-                for row, N in zip(rows, maps.N, strict=True)]
+    etatilde = [
+        dot(row, sym.etatilde) + dot(row, maps.N) * sym.vartheta / b - N * (sym.f_hat + sym.epsilon) / b
+        for row, N in zip(rows, maps.N, strict=True)
+    ]
     generated = b * dot(maps.psi, sym.etatilde) + dot(maps.psi, maps.N) * sym.vartheta
-    pairs = [*((name, bar + hat) for name, bar, hat in zip(sym.zbar, sym.f0_bar, sym.f0_hat, strict=True)),
-             *zip(sym.xhat, xhat, strict=True), *zip(sym.etatilde, etatilde, strict=True),
-             (sym.vartheta, sym.f_hat + generated + b * sym.ubar + sym.epsilon)]
+    pairs = [
+        *((name, bar + hat) for name, bar, hat in zip(sym.zbar, sym.f0_bar, sym.f0_hat, strict=True)),
+        *zip(sym.xhat, xhat, strict=True),
+        *zip(sym.etatilde, etatilde, strict=True),
+        (sym.vartheta, sym.f_hat + generated + b * sym.ubar + sym.epsilon),
+    ]
     estimate = sym.vartheta
     if agent.order > 1:
         e = list(sym.gains.h * matrices.E3 * sympy.Matrix(sym.e))
         e[-1] += sym.f1_bar + sym.f2_bar + sympy.expand(b * (sym.ubar + dot(maps.psi, maps.eta_bar)))
         pairs += zip(sym.e, e, strict=True)
         estimate -= dot(tuple(matrices.E2), sym.e)
-    return (*(NamedEquation(name, expr, rate=True) for name, expr in pairs),
-            NamedEquation(sym.ubar, -SATURATION(sym.gains.K * estimate)))
+    return (
+        *(NamedEquation(name, expr, rate=True) for name, expr in pairs),
+        NamedEquation(sym.ubar, -SATURATION(sym.gains.K * estimate)),
+    )

@@ -60,11 +60,17 @@ class Scope:
 
     def _check_new(self, name: str, where: Where, constants: Mapping[str, sympy.Expr]) -> None:
         if not NAME.fullmatch(name) or len(name) > MAX_NAME:
-            raise where.error(f"{quoted(name)} is not a name: an ASCII letter, then at most {MAX_NAME - 1} letters, "
-                              "digits or underscores")
+            raise where.error(
+                f"{quoted(name)} is not a name: an ASCII letter, then at most {MAX_NAME - 1} letters, "
+                "digits or underscores"
+            )
         roles = {
-            "a function": FUNCTIONS, "the cost variable": (str(COST_VARIABLE),), "the agent's number": ("id",),
-            "an exosystem state": self.exosystem, "a zero state": self.zero_states, "a parameter": self.parameters,
+            "a function": FUNCTIONS,
+            "the cost variable": (str(COST_VARIABLE),),
+            "the agent's number": ("id",),
+            "an exosystem state": self.exosystem,
+            "a zero state": self.zero_states,
+            "a parameter": self.parameters,
             "a constant": constants,
         }
         for role, names in roles.items():

@@ -52,8 +52,10 @@ def cuts(digraph: Digraph) -> tuple[Cut, ...]:
     crossing = [edge for edge in digraph.edges if home[edge.source] != home[edge.target]]
     entered = {home[edge.target] for edge in crossing}
     left = {home[edge.source] for edge in crossing}
-    return (*(Cut(part, True) for part in components if part not in entered),
-            *(Cut(part, False) for part in components if part not in left))
+    return (
+        *(Cut(part, True) for part in components if part not in entered),
+        *(Cut(part, False) for part in components if part not in left),
+    )
 
 
 def left_null_vector(digraph: Digraph) -> tuple[Fraction, ...]:

@@ -61,13 +61,22 @@ def parse_plant(data: bytes, source: str) -> Plant:
     agents = read_agents(root, digraph.agents, scope)
     coordinator = root.table("coordinator", ("alpha1", "alpha2"))
     gains = root.table("gains", ("g", "K", "delta", "h"))
-    fixed = {key: positive(value, table.at(key), scope.constants)
-             for table in (coordinator, gains) for key, value in table.entries.items()}
+    fixed = {
+        key: positive(value, table.at(key), scope.constants)
+        for table in (coordinator, gains)
+        for key, value in table.entries.items()
+    }
     return Plant(
-        name=name, digraph=digraph, exosystem=exosystem, agents=agents, sha256=hashlib.sha256(data).hexdigest(),
+        name=name,
+        digraph=digraph,
+        exosystem=exosystem,
+        agents=agents,
+        sha256=hashlib.sha256(data).hexdigest(),
         source=data,
-        alpha1=fixed.get("alpha1"), alpha2=fixed.get("alpha2"),
-        gains=RequestedGains(*(fixed.get(key) for key in ("g", "K", "delta", "h"))))
+        alpha1=fixed.get("alpha1"),
+        alpha2=fixed.get("alpha2"),
+        gains=RequestedGains(*(fixed.get(key) for key in ("g", "K", "delta", "h"))),
+    )
 
 
 def _network(table: Table) -> Digraph:

@@ -15,8 +15,17 @@ from symbolic.plant import Exosystem
 MAX_DEGREE = 16
 
 # f(polynomial) with a nonconstant argument satisfies no algebraic equation over the rational functions
-_TRANSCENDENTAL = (sympy.exp, sympy.sin, sympy.cos, sympy.tan, sympy.tanh, sympy.sinh, sympy.cosh, sympy.log,
-                   sympy.atan)
+_TRANSCENDENTAL = (
+    sympy.exp,
+    sympy.sin,
+    sympy.cos,
+    sympy.tan,
+    sympy.tanh,
+    sympy.sinh,
+    sympy.cosh,
+    sympy.log,
+    sympy.atan,
+)
 
 
 @dataclass(frozen=True)
@@ -69,8 +78,11 @@ def polynomial_parts(u: sympy.Expr, exosystem: Exosystem) -> PolynomialParts | N
     places = [exact.domain.symbols.index(name) for name in v]
     if any(monomial[place] for monomial in element.denom for place in places):
         denominator = exact.domain.field(element.denom)
-        return NotPolynomial(f"1/({excerpt(exact.expression(denominator))})", "v in a denominator that does not cancel",
-                             not exact.kernels)
+        return NotPolynomial(
+            f"1/({excerpt(exact.expression(denominator))})",
+            "v in a denominator that does not cancel",
+            not exact.kernels,
+        )
     ring = PolyRing(v or ("unused",), base)
     parts: dict[tuple[int, ...], PolyElement] = {}
     for monomial, coefficient in element.numer.items():
@@ -85,8 +97,9 @@ def _is_rational_polynomial(expr: sympy.Expr) -> bool:
     return bool(names) and bool(expr.is_polynomial(*names)) and sympy.Poly(expr, *names).domain in (sympy.ZZ, sympy.QQ)
 
 
-def _not_polynomial(u: sympy.Expr, kernels: list[sympy.Expr], exact: ExactField,
-                    v: tuple[sympy.Symbol, ...]) -> NotPolynomial:
+def _not_polynomial(
+    u: sympy.Expr, kernels: list[sympy.Expr], exact: ExactField, v: tuple[sympy.Symbol, ...]
+) -> NotPolynomial:
     """A transcendental function of v that does not cancel is a proof, and so are exponentials of different polynomials.
 
     Exponentials of polynomials that are linearly independent over Q modulo constants are algebraically independent over
@@ -98,5 +111,6 @@ def _not_polynomial(u: sympy.Expr, kernels: list[sympy.Expr], exact: ExactField,
     known = all(isinstance(k, _TRANSCENDENTAL) and _is_rational_polynomial(k.args[0]) for k in everywhere)
     exponents = {k.args[0].as_coeff_Mul()[1] for k in everywhere if isinstance(k, sympy.exp)}
     independent = len(everywhere) == 1 or len(exponents) == len(everywhere)
-    return NotPolynomial(str(kernel), f"it contains {kernel}",
-                         known and independent and dict(exact.kernels)[kernel] in used)
+    return NotPolynomial(
+        str(kernel), f"it contains {kernel}", known and independent and dict(exact.kernels)[kernel] in used
+    )

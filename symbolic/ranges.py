@@ -20,9 +20,12 @@ MAX_BOXES = 400
 MAX_CORNERS = 256
 _LINE_SAMPLES = (Fraction(0), Fraction(1), Fraction(-1), Fraction(10), Fraction(-10))
 _FUNCTION_RANGES: dict[type, Range] = {
-    sympy.sin: (Fraction(-1), Fraction(1)), sympy.cos: (Fraction(-1), Fraction(1)),
-    sympy.tanh: (Fraction(-1), Fraction(1)), sympy.atan: (Fraction(-2), Fraction(2)),
-    sympy.exp: (Fraction(0), None), sympy.cosh: (Fraction(1), None),
+    sympy.sin: (Fraction(-1), Fraction(1)),
+    sympy.cos: (Fraction(-1), Fraction(1)),
+    sympy.tanh: (Fraction(-1), Fraction(1)),
+    sympy.atan: (Fraction(-2), Fraction(2)),
+    sympy.exp: (Fraction(0), None),
+    sympy.cosh: (Fraction(1), None),
 }
 _INCREASING = (sympy.exp, sympy.sinh, sympy.tanh, sympy.atan)
 
@@ -131,11 +134,21 @@ def _zero(factor: sympy.Expr, symbols: list[sympy.Symbol], box: Box) -> Nonvanis
 
 
 def _grid(symbols: list[sympy.Symbol], box: Box) -> list[dict[sympy.Symbol, sympy.Rational]]:
-    axes = [_LINE_SAMPLES if (interval := box[name]) is None
-            else (interval.lo, interval.hi, (interval.lo + interval.hi) / 2,
-                  *([Fraction(0)] if interval.lo < 0 < interval.hi else [])) for name in symbols]
-    return [{name: as_rational(value) for name, value in zip(symbols, values, strict=True)}
-            for values in islice(product(*axes), MAX_CORNERS)]
+    axes = [
+        _LINE_SAMPLES
+        if (interval := box[name]) is None
+        else (
+            interval.lo,
+            interval.hi,
+            (interval.lo + interval.hi) / 2,
+            *([Fraction(0)] if interval.lo < 0 < interval.hi else []),
+        )
+        for name in symbols
+    ]
+    return [
+        {name: as_rational(value) for name, value in zip(symbols, values, strict=True)}
+        for values in islice(product(*axes), MAX_CORNERS)
+    ]
 
 
 def _kept_away(factor: sympy.Expr, axes: list[tuple[sympy.Symbol, Range]]) -> bool:

@@ -38,16 +38,22 @@ def solve_regulator(agent: Agent, exosystem: Exosystem) -> SteadyState | NoStead
     for name, expr in zip(agent.zero_states, right_hand_side(agent), strict=True):
         at_origin = zero_test(expr.xreplace(origin), parameter_box(agent))
         if at_origin.verdict == "fails":
-            return NoSteadyState("fails", f"f0(0, 0, 0, w) is not 0 in the equation of {name}, so z*(0, 0, w) = 0 is "
-                                 "impossible", {"equation": str(name), **at_origin.at})
+            return NoSteadyState(
+                "fails",
+                f"f0(0, 0, 0, w) is not 0 in the equation of {name}, so z*(0, 0, w) = 0 is impossible",
+                {"equation": str(name), **at_origin.at},
+            )
     if agent.steady_state is None:
         return _searched(agent, exosystem)
     answer = verified(agent, exosystem, agent.steady_state)
     if isinstance(answer, SteadyState):
         return answer
     found = _searched(agent, exosystem)
-    hint = {f"{name}* found": str(z) for name, z in zip(agent.zero_states, found.z_star, strict=True)} \
-        if isinstance(found, SteadyState) else {}
+    hint = (
+        {f"{name}* found": str(z) for name, z in zip(agent.zero_states, found.z_star, strict=True)}
+        if isinstance(found, SteadyState)
+        else {}
+    )
     return NoSteadyState(answer.verdict, answer.reason, {**answer.evidence, **hint})
 
 
@@ -73,8 +79,11 @@ def _by_blocks(agent: Agent, exosystem: Exosystem) -> SteadyState | NoSteadyStat
         problem, outcome = _solved_block(block, equations, exosystem, tried)
         if isinstance(outcome, NotFound):
             names = ", ".join(str(name) for name in block)
-            return NoSteadyState("unknown", f"no steady state of {names} was found: give steady_state",
-                                 {f"try {k}": what for k, what in enumerate(tried, 1)})
+            return NoSteadyState(
+                "unknown",
+                f"no steady state of {names} was found: give steady_state",
+                {f"try {k}": what for k, what in enumerate(tried, 1)},
+            )
         if isinstance(outcome, Inconsistent):
             obstacle: NoSteadyState | None = resonance(problem, outcome, box)
         else:
@@ -82,8 +91,11 @@ def _by_blocks(agent: Agent, exosystem: Exosystem) -> SteadyState | NoSteadyStat
             known |= dict(zip(block, outcome.z_star, strict=True))
         if obstacle is not None:
             first = not any(f0[z.index(name)].has(*set(z) - set(block)) for name in block)
-            return obstacle if first else NoSteadyState(
-                "unknown", f"for the part of z* found before, {obstacle.reason}", obstacle.evidence)
+            return (
+                obstacle
+                if first
+                else NoSteadyState("unknown", f"for the part of z* found before, {obstacle.reason}", obstacle.evidence)
+            )
     return _accepted(agent, exosystem, tuple(known[name] for name in z))
 
 
@@ -95,14 +107,16 @@ def _accepted(agent: Agent, exosystem: Exosystem, z_star: tuple[sympy.Expr, ...]
     return NoSteadyState("unknown", f"the ansatz gave an expression of which {answer.reason}", answer.evidence)
 
 
-def _problem(z: tuple[sympy.Symbol, ...], f0: tuple[sympy.Expr, ...], exosystem: Exosystem, *,
-             linear: bool) -> RegulatorProblem:
+def _problem(
+    z: tuple[sympy.Symbol, ...], f0: tuple[sympy.Expr, ...], exosystem: Exosystem, *, linear: bool
+) -> RegulatorProblem:
     variables = exosystem.states if linear else (COST_VARIABLE, *exosystem.states)
     return RegulatorProblem(z, f0, variables, exosystem.states, exosystem.S, linear)
 
 
-def _solved_block(block: tuple[sympy.Symbol, ...], equations: tuple[sympy.Expr, ...], exosystem: Exosystem,
-                  tried: list[str]) -> tuple[RegulatorProblem, Outcome]:
+def _solved_block(
+    block: tuple[sympy.Symbol, ...], equations: tuple[sympy.Expr, ...], exosystem: Exosystem, tried: list[str]
+) -> tuple[RegulatorProblem, Outcome]:
     """Polynomials in v, then in (s, v); what did not work is added to ``tried``."""
     linear = _problem(block, equations, exosystem, linear=True)
     outcome = linear.solve()

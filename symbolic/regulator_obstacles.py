@@ -22,8 +22,11 @@ def resonance(problem: RegulatorProblem, stuck: Inconsistent, box: Box) -> NoSte
     if proof is not None:
         return proof
     equation = str(problem.z[stuck.component])
-    return NoSteadyState("unknown", f"{_terms(stuck)} of the equation of {equation} could not be matched",
-                         {"monomial": str(stuck.monomial), "equation": equation})
+    return NoSteadyState(
+        "unknown",
+        f"{_terms(stuck)} of the equation of {equation} could not be matched",
+        {"monomial": str(stuck.monomial), "equation": equation},
+    )
 
 
 def pole(problem: RegulatorProblem, solved: Solved, box: Box) -> NoSteadyState | None:
@@ -49,8 +52,10 @@ def pole(problem: RegulatorProblem, solved: Solved, box: Box) -> NoSteadyState |
             return NoSteadyState("fails", reason, evidence)
         if certain and len(answer.at) == 1:
             zero = answer.at[0]
-            zeros = [{name: sympy.Rational(zero.get(str(name), value)) for name, value in other.items()}
-                     for other in sample_points(problem.coefficient_symbols, box)]
+            zeros = [
+                {name: sympy.Rational(zero.get(str(name), value)) for name, value in other.items()}
+                for other in sample_points(problem.coefficient_symbols, box)
+            ]
             proof = _refuted_at(problem, zeros)
             if proof is not None:
                 return proof
@@ -67,9 +72,10 @@ def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy
             driven = set(stuck.monomial.free_symbols) - {COST_VARIABLE}
             why = "resonate with the exosystem" if driven else "have no equilibrium there"
             return NoSteadyState(
-                "fails", f"{_terms(stuck)} of the equation of {equation} cannot be matched{at}: "
-                f"the zero dynamics {why}",
-                {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where})
+                "fails",
+                f"{_terms(stuck)} of the equation of {equation} cannot be matched{at}: the zero dynamics {why}",
+                {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where},
+            )
     return None
 
 

@@ -23,9 +23,11 @@ class Size:
 
     def excess(self) -> str | None:
         """The bound that is passed, in words; ``None`` if none is."""
-        for value, bound, what in ((self.degree, MAX_DEGREE, "degree"),
-                                   (self.terms, MAX_TERMS, "number of expanded terms"),
-                                   (self.bits, MAX_BITS, "number of bits of the coefficients")):
+        for value, bound, what in (
+            (self.degree, MAX_DEGREE, "degree"),
+            (self.terms, MAX_TERMS, "number of expanded terms"),
+            (self.bits, MAX_BITS, "number of bits of the coefficients"),
+        ):
             if value > bound:
                 return f"the expression is too large: its {what} may pass {bound}"
         return None

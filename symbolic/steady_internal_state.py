@@ -10,8 +10,9 @@ from symbolic.exact_field import Element, field_of
 from symbolic.plant import Exosystem
 
 
-def steady_internal_state(u_star: sympy.Expr, T: tuple[tuple[sympy.Expr, ...], ...],
-                          exosystem: Exosystem) -> tuple[sympy.Expr, ...]:
+def steady_internal_state(
+    u_star: sympy.Expr, T: tuple[tuple[sympy.Expr, ...], ...], exosystem: Exosystem
+) -> tuple[sympy.Expr, ...]:
     """One expression per row of T; ``u_star`` is a polynomial in v with coefficients in the parameters.
 
     Only the numerator of u* depends on v, so the derivatives are taken of polynomials.
@@ -25,8 +26,10 @@ def steady_internal_state(u_star: sympy.Expr, T: tuple[tuple[sympy.Expr, ...], .
     field = exact.domain.field
     element = exact.element(u_star)
     speeds = {name: exact.element(rate) for name, rate in zip(exosystem.states, rates, strict=True)}
-    velocity = [speeds[name].numer.quo_ground(speeds[name].denom.LC) if name in speeds else field.ring.zero
-                for name in field.symbols]
+    velocity = [
+        speeds[name].numer.quo_ground(speeds[name].denom.LC) if name in speeds else field.ring.zero
+        for name in field.symbols
+    ]
     tau = [element.numer]
     for _ in range(len(T) - 1):
         tau.append(lie_derivative(tau[-1], velocity))

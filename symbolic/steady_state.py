@@ -50,8 +50,10 @@ def regulator_residuals(agent: Agent, exosystem: Exosystem, z_star: tuple[sympy.
     """``∂z*/∂v · S v − f0(z*, s, v, w)``, one entry per zero state: all vanish iff z* is a steady state."""
     velocity = tuple(exosystem.S * sympy.Matrix(exosystem.states)) if exosystem.states else ()
     values = dict(zip(agent.zero_states, z_star, strict=True))
-    drift = [sympy.Add(*(z.diff(name) * speed for name, speed in zip(exosystem.states, velocity, strict=True)))
-             for z in z_star]
+    drift = [
+        sympy.Add(*(z.diff(name) * speed for name, speed in zip(exosystem.states, velocity, strict=True)))
+        for z in z_star
+    ]
     return tuple(change - f0.xreplace(values) for change, f0 in zip(drift, right_hand_side(agent), strict=True))
 
 
@@ -61,15 +63,18 @@ def steady_input(agent: Agent, z_star: tuple[sympy.Expr, ...]) -> sympy.Expr:
     return normal_form(-agent.f.xreplace(at_rest | dict(zip(agent.zero_states, z_star, strict=True))) / agent.b)
 
 
-def proved(agent: Agent, exosystem: Exosystem, z_star: tuple[sympy.Expr, ...],
-           source: str) -> SteadyState | NoSteadyState:
+def proved(
+    agent: Agent, exosystem: Exosystem, z_star: tuple[sympy.Expr, ...], source: str
+) -> SteadyState | NoSteadyState:
     """The steady state if every residual and z*(0, 0, w) are proved to be zero; otherwise the first that is not."""
     box = parameter_box(agent)
     origin = dict.fromkeys((COST_VARIABLE, *exosystem.states), sympy.Integer(0))
     residuals = regulator_residuals(agent, exosystem, z_star)
     for name, z, residual in zip(agent.zero_states, z_star, residuals, strict=True):
-        for what, expr in ((f"{name}*(0, 0, w)", z.xreplace(origin)),
-                           (f"the residual of the regulator equation of {name}", residual)):
+        for what, expr in (
+            (f"{name}*(0, 0, w)", z.xreplace(origin)),
+            (f"the residual of the regulator equation of {name}", residual),
+        ):
             test = zero_test(expr, box)
             if test.verdict != "holds":
                 shown = excerpt(normal_form(expr)) if expr.count_ops() <= MAX_OPERATIONS else excerpt(expr)

@@ -76,8 +76,9 @@ class RegulatorProblem:
 
     def at(self, point: Mapping[sympy.Symbol, sympy.Expr]) -> RegulatorProblem:
         """The problem for fixed parameters."""
-        return RegulatorProblem(self.z, tuple(f.xreplace(dict(point)) for f in self.f0), self.variables, self.v, self.S,
-                                self.linear)
+        return RegulatorProblem(
+            self.z, tuple(f.xreplace(dict(point)) for f in self.f0), self.variables, self.v, self.S, self.linear
+        )
 
     def solve(self) -> Outcome:
         """Solves degree by degree; stops at degree ``MAX_DEGREE`` or ``MAX_UNKNOWNS`` unknowns.
@@ -106,8 +107,13 @@ class RegulatorProblem:
         entries = list(self.S)
         exact = field_of([c for pair in polynomials for poly in pair for c in poly.coeffs()] + entries)
         ring = PolyRing((*self.z, *self.variables), exact.domain)
-        numerators, denominators = ([ring.from_dict({m: exact.element(c) for m, c in pair[which].terms()
-                                                     if exact.element(c)}) for pair in polynomials] for which in (0, 1))
+        numerators, denominators = (
+            [
+                ring.from_dict({m: exact.element(c) for m, c in pair[which].terms() if exact.element(c)})
+                for pair in polynomials
+            ]
+            for which in (0, 1)
+        )
         affine = all(d.is_ground for d in denominators) and all(_is_affine(n, len(self.z)) for n in numerators)
         if self.linear and not affine:
             return NotFound("f0 is not affine in z with a matrix independent of v")
@@ -122,8 +128,14 @@ class RegulatorProblem:
 class _Matching:
     """The state of one run: the parts of z found so far, as polynomials of the ring in (z, X)."""
 
-    def __init__(self, problem: RegulatorProblem, exact: ExactField, ring: PolyRing, numerators: list[PolyElement],
-                 denominators: list[PolyElement]) -> None:
+    def __init__(
+        self,
+        problem: RegulatorProblem,
+        exact: ExactField,
+        ring: PolyRing,
+        numerators: list[PolyElement],
+        denominators: list[PolyElement],
+    ) -> None:
         self.problem, self.exact, self.ring, self.domain = problem, exact, ring, exact.domain
         self.numerators, self.denominators = numerators, denominators
         count = len(problem.z)
@@ -133,8 +145,10 @@ class _Matching:
         self.velocity = [ring.zero] * count + [velocities.get(name, ring.zero) for name in problem.variables]
         constant = (0,) * len(ring.gens)
         self.den0 = [d.get(constant, self.domain.zero) for d in denominators]
-        self.A = [[n.get(tuple(int(k == c) for k in range(len(ring.gens))), self.domain.zero) for c in range(count)]
-                  for n in numerators]
+        self.A = [
+            [n.get(tuple(int(k == c) for k in range(len(ring.gens))), self.domain.zero) for c in range(count)]
+            for n in numerators
+        ]
 
     def run(self) -> Outcome:
         linear = self.problem.linear
@@ -164,8 +178,10 @@ class _Matching:
     def _residual(self) -> list[PolyElement]:
         """``num(z, X) − den(z, X) L_S z``."""
         values = list(zip(self.ring.gens, self.z, strict=False))
-        return [n.compose(values) - d.compose(values) * lie_derivative(z, self.velocity)
-                for n, d, z in zip(self.numerators, self.denominators, self.z, strict=True)]
+        return [
+            n.compose(values) - d.compose(values) * lie_derivative(z, self.velocity)
+            for n, d, z in zip(self.numerators, self.denominators, self.z, strict=True)
+        ]
 
     def _affordable(self) -> bool:
         """A bound on the number of monomials of the residual."""
@@ -175,7 +191,7 @@ class _Matching:
         return comb(size + found + len(self.problem.variables), len(self.problem.variables)) <= MAX_MONOMIALS
 
     def _degree(self, polynomial: PolyElement) -> int:
-        return max((sum(m[len(self.z):]) for m in polynomial), default=0)
+        return max((sum(m[len(self.z) :]) for m in polynomial), default=0)
 
     def _part(self, polynomial: PolyElement, degree: int) -> dict[tuple[int, ...], Element]:
         return {m: c for m, c in polynomial.items() if sum(m) == degree}
@@ -216,12 +232,15 @@ class _Matching:
         return determined
 
     def _monomial(self, exponents: tuple[int, ...]) -> sympy.Expr:
-        return sympy.Mul(*(name ** power for name, power in zip(self.ring.symbols, exponents, strict=True)))
+        return sympy.Mul(*(name**power for name, power in zip(self.ring.symbols, exponents, strict=True)))
 
     def _solved(self, unique: bool) -> Solved:
         terms = [[(self.exact.expression(c), self._monomial(m)) for m, c in z.terms()] for z in self.z]
-        return Solved(tuple(sympy.Add(*(c * m for c, m in part)) for part in terms),
-                      tuple(c for part in terms for c, _ in part), unique)
+        return Solved(
+            tuple(sympy.Add(*(c * m for c, m in part)) for part in terms),
+            tuple(c for part in terms for c, _ in part),
+            unique,
+        )
 
 
 def _is_affine(polynomial: PolyElement, count: int) -> bool:

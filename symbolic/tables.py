@@ -158,8 +158,9 @@ def constant(value: Value, where: Where, constants: Mapping[str, sympy.Expr]) ->
     return parse_constant(str(value), constants, where=where) if exact is None else as_rational(exact)
 
 
-def expression(value: Value, where: Where, names: Mapping[str, sympy.Expr],
-               refused: Mapping[str, str] | None = None) -> sympy.Expr:
+def expression(
+    value: Value, where: Where, names: Mapping[str, sympy.Expr], refused: Mapping[str, str] | None = None
+) -> sympy.Expr:
     """An expression in the names; a TOML number is one too."""
     exact = literal(value, where)
     if exact is None:

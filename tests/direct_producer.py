@@ -80,8 +80,17 @@ class Tiny:
 
     @property
     def toml(self) -> bytes:
-        return PLANT.format(x0=f'"{self.x0}"', y0=f'"{self.y0}"', agent=self.agent, exosystem=self.exosystem,
-                            observer='"measured"' if self.measured else 0).replace('[-"', '["-').encode()
+        return (
+            PLANT.format(
+                x0=f'"{self.x0}"',
+                y0=f'"{self.y0}"',
+                agent=self.agent,
+                exosystem=self.exosystem,
+                observer='"measured"' if self.measured else 0,
+            )
+            .replace('[-"', '["-')
+            .encode()
+        )
 
 
 def first_order() -> Tiny:
@@ -100,15 +109,25 @@ def tight() -> Tiny:
     """Nothing but a linear loop, an input gain and a saturation, of which the worst case is simulated at a corner."""
     agent = 'order = 1\nf = "p*x1"\nb = "1 + q"\nuncertain = { p = [-1, 1], q = [-0.1, 0.1] }'
     claim = {**first_order().claim, "delta": 3}
-    return Tiny(agent, 1, claim, lambda z, x, Y: ([], [[-1, 1]]), (1.0,), y0=Fraction(0), b_radius=0.1,
-                T1=Fraction(1, 2), steps=32)
+    return Tiny(
+        agent,
+        1,
+        claim,
+        lambda z, x, Y: ([], [[-1, 1]]),
+        (1.0,),
+        y0=Fraction(0),
+        b_radius=0.1,
+        T1=Fraction(1, 2),
+        steps=32,
+    )
 
 
 def slow() -> Tiny:
     """A loop that is slower than the coordinator's tail."""
     claim = {"g": 1, "K": 0.25, "delta": 12, "h": None, "gamma": [], "observer": [], "M": [], "N": [], "psi": []}
-    return Tiny('order = 1\nf = "x1^3/1000"\nb = 1', 1, claim,
-                lambda z, x, Y: ([], [[0, (x[0] + Y) ** 2 / 1000]]), (1.5,))
+    return Tiny(
+        'order = 1\nf = "x1^3/1000"\nb = 1', 1, claim, lambda z, x, Y: ([], [[0, (x[0] + Y) ** 2 / 1000]]), (1.5,)
+    )
 
 
 def second_order() -> Tiny:
@@ -119,8 +138,17 @@ def second_order() -> Tiny:
         size = 0.1 + (x[0] + Y) / 10
         return [], [[0, 0], [-size, size]]
 
-    return Tiny('order = 2\nf = "p*x2 + x1*x2/10"\nb = 1\nuncertain = { p = [-0.1, 0.1] }', 2, claim, slopes,
-                (0.5, 0.25), x0=Fraction(1, 4), y0=Fraction(1, 4), T1=Fraction(1, 20), steps=24)
+    return Tiny(
+        'order = 2\nf = "p*x2 + x1*x2/10"\nb = 1\nuncertain = { p = [-0.1, 0.1] }',
+        2,
+        claim,
+        slopes,
+        (0.5, 0.25),
+        x0=Fraction(1, 4),
+        y0=Fraction(1, 4),
+        T1=Fraction(1, 20),
+        steps=24,
+    )
 
 
 def measured() -> Tiny:
@@ -136,24 +164,56 @@ def third_order() -> Tiny:
         size = (x[0] + Y) / 10
         return [], [[0, 0], [-size, size], [-0.1, 0.1]]
 
-    return Tiny('order = 3\nf = "p*x3 + x1*x2/10"\nb = "1 + q"\n'
-                'uncertain = { p = [-0.1, 0.1], q = [-0.05, 0.05] }', 3, claim, slopes, (0.375, 0.125, 0.125),
-                x0=Fraction(1, 8), y0=Fraction(1, 4), b_radius=0.05, T1=Fraction(1, 10), steps=40)
+    return Tiny(
+        'order = 3\nf = "p*x3 + x1*x2/10"\nb = "1 + q"\nuncertain = { p = [-0.1, 0.1], q = [-0.05, 0.05] }',
+        3,
+        claim,
+        slopes,
+        (0.375, 0.125, 0.125),
+        x0=Fraction(1, 8),
+        y0=Fraction(1, 4),
+        b_radius=0.05,
+        T1=Fraction(1, 10),
+        steps=40,
+    )
 
 
 def with_exosystem() -> Tiny:
     """``z' = −z + x1 + v1``: ``z* = s + (v1 − v2)/2`` and ``u* = −(3v1 − v2)/(2b)``."""
-    claim = {"g": 1, "K": 6, "delta": 40, "h": None, "gamma": [], "observer": [],
-             "M": [[0, 1], [-2, -3]], "N": [0, 1], "psi": [1, 3]}
+    claim = {
+        "g": 1,
+        "K": 6,
+        "delta": 40,
+        "h": None,
+        "gamma": [],
+        "observer": [],
+        "M": [[0, 1], [-2, -3]],
+        "N": [0, 1],
+        "psi": [1, 3],
+    }
     exosystem = '[exosystem]\nstates = ["v1", "v2"]\nS = [[0, 1], [-1, 0]]\ninitial = { v1 = 0, v2 = 1 }'
     agent = 'order = 1\nzero_dynamics = { z1 = "-z1 + x1 + v1" }\nf = "z1 + v1 + z1*x1/10"\nb = "1 + q"'
     agent += "\nuncertain = { q = [-0.05, 0.05] }"
     psi, F = np.array([[1.0, 3.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
     T, tau = np.linalg.inv(np.vstack([psi, psi @ F])), np.array([0.5, -1.5])
     eta = np.abs(T @ tau) + 0.06 * np.abs(T) @ np.abs(tau)
-    return Tiny(agent, 1, claim, lambda z, x, Y: ([[[-1, -1], [1, 1]]], [[1, 1], [-z[0] / 10, z[0] / 10]]),
-                (1.5, 1.5, *eta), nz=1, z_size=1.0, exosystem=exosystem, steady_state=("s + (v1 - v2)/2",),
-                ell=(-1, 0), f0=((-1, 1),), b_radius=0.05, T1=Fraction(1, 16), steps=8, ranges=30)
+    return Tiny(
+        agent,
+        1,
+        claim,
+        lambda z, x, Y: ([[[-1, -1], [1, 1]]], [[1, 1], [-z[0] / 10, z[0] / 10]]),
+        (1.5, 1.5, *eta),
+        nz=1,
+        z_size=1.0,
+        exosystem=exosystem,
+        steady_state=("s + (v1 - v2)/2",),
+        ell=(-1, 0),
+        f0=((-1, 1),),
+        b_radius=0.05,
+        T1=Fraction(1, 16),
+        steps=8,
+        ranges=30,
+    )
 
 
 def text(value: float | Fraction) -> str:
@@ -285,8 +345,10 @@ def produce(tiny: Tiny) -> Json:
     def push(box: Array, Y: float) -> Array:
         """``Σ_j c_ija q_j``"""
         by_f0, by_f1 = tiny.slopes(tiny.z_size + box[:nz], box[nz : nz + n], Y)
-        q = [weighed(row, -np.array(f0), box[: nz + 1]) + np.abs(row[-1]).max() * Y
-             for row, f0 in zip(by_f0, tiny.f0, strict=True)]
+        q = [
+            weighed(row, -np.array(f0), box[: nz + 1]) + np.abs(row[-1]).max() * Y
+            for row, f0 in zip(by_f0, tiny.f0, strict=True)
+        ]
         q.append(weighed(by_f1, -np.array(tiny.f1), box[: nz + n]) + np.abs(by_f1[nz]).max() * Y)
         q[-1] += tiny.b_radius * box[-1]
         return np.einsum("ija,j->ia", kernels[:, : nz + 2, :], np.array([*q, Y])) * 1.0001
@@ -322,23 +384,44 @@ def produce(tiny: Tiny) -> Json:
     else:
         raise AssertionError("no tail")
     agent = {
-        "id": "1", "steady_state": list(tiny.steady_state), "ell": texts(tiny.ell),
+        "id": "1",
+        "steady_state": list(tiny.steady_state),
+        "ell": texts(tiny.ell),
         "nominal": {"f0": texts(tiny.f0), "f1": texts(tiny.f1), "b": "1"},
-        "modes": [[text(float(entry)) for entry in row] for row in H], "blocks": blocks,
+        "modes": [[text(float(entry)) for entry in row] for row in H],
+        "blocks": blocks,
         "rates": [text(float(mu)) for mu in rates],
         "kernels": [[[text(float(entry)) for entry in entries] for entries in row] for row in kernels],
-        "phase1": phase, "ranges": [[[text(-r), text(r)]] for r in widths],
-        "grid": [text(t) for t in grid], "boxes": [[text(float(entry)) for entry in row] for row in boxes],
-        "tail": {"box": [text(1.001 * float(entry)) for entry in box], "rate": text(float(rho))}}
+        "phase1": phase,
+        "ranges": [[[text(-r), text(r)]] for r in widths],
+        "grid": [text(t) for t in grid],
+        "boxes": [[text(float(entry)) for entry in row] for row in boxes],
+        "tail": {"box": [text(1.001 * float(entry)) for entry in box], "rate": text(float(rho))},
+    }
     return {
-        "schema": "consensus-certificate/1", "theorem": "direct/2", "producer": {},
-        "claim": {"plant_sha256": hashlib.sha256(tiny.toml).hexdigest(), "alpha1": "1", "alpha2": "1",
-                  "agents": [{"id": "1", **{key: texts(value) for key, value in c.items()}}]},
+        "schema": "consensus-certificate/1",
+        "theorem": "direct/2",
+        "producer": {},
+        "claim": {
+            "plant_sha256": hashlib.sha256(tiny.toml).hexdigest(),
+            "alpha1": "1",
+            "alpha2": "1",
+            "agents": [{"id": "1", **{key: texts(value) for key, value in c.items()}}],
+        },
         "witness": {
-            "optimum": ["0", "0"], "exosystem": {"Q": [["1", "0"], ["0", "1"]]} if s else None,
-            "coordinator": {"P": [["1"]], "multiplier": ["1/2"], "rate": str(RATE), "mixing_rate": str(RATE),
-                            "step": str(STEP), "steps": str(STEPS)},
-            "agents": [agent]}}
+            "optimum": ["0", "0"],
+            "exosystem": {"Q": [["1", "0"], ["0", "1"]]} if s else None,
+            "coordinator": {
+                "P": [["1"]],
+                "multiplier": ["1/2"],
+                "rate": str(RATE),
+                "mixing_rate": str(RATE),
+                "step": str(STEP),
+                "steps": str(STEPS),
+            },
+            "agents": [agent],
+        },
+    }
 
 
 def wider(width: float, length: float, x1: float) -> float:
@@ -401,10 +484,16 @@ def speeds(tiny: Tiny, box: Array, Y: float) -> tuple[Array, float, float, Array
     rest, zeta = outer + high * np.abs(psi) @ box[nz + n + 1 :], np.abs(M) @ box[nz + n + 1 :]
     chain = np.concatenate([np.zeros(nz + 1), theta[:-1]])
     dz = [weighed(row, [0] * (nz + 1), box[: nz + 1]) + np.abs(row[-1]).max() * Y for row in f0]
-    by_f1 = [weighed(N[i] * np.array(f1, dtype=float), -(M @ N)[i] * last, states) + abs(N[i]) * (outer + own)
-             for i in range(s)]
-    return (np.array(dz), weighed(f1, psi @ N * last, states) + rest + own,
-            weighed(f1, psi @ N * last + chain, states) + rest + theta[0] * Y, zeta + np.array(by_f1) / low)
+    by_f1 = [
+        weighed(N[i] * np.array(f1, dtype=float), -(M @ N)[i] * last, states) + abs(N[i]) * (outer + own)
+        for i in range(s)
+    ]
+    return (
+        np.array(dz),
+        weighed(f1, psi @ N * last, states) + rest + own,
+        weighed(f1, psi @ N * last + chain, states) + rest + theta[0] * Y,
+        zeta + np.array(by_f1) / low,
+    )
 
 
 def steered(tiny: Tiny, error: Error, t: float, fastest: float, F: float, theta: float) -> tuple[float, float, float]:

@@ -74,16 +74,22 @@ class _Problem:
         self.known, self.optimum = facts.agents[number - 1], facts.optimum
         Q = read.witness.exosystem.Q if read.witness.exosystem else []
         reference = coordinator.prove(model, read, facts)[number - 1].reference
-        self.outside = Outside(Exosystem(model.S or [], Q, facts.v_at_start, facts.v), reference,
-                               witness.steady_state, self.agent.parameters)
+        self.outside = Outside(
+            Exosystem(model.S or [], Q, facts.v_at_start, facts.v),
+            reference,
+            witness.steady_state,
+            self.agent.parameters,
+        )
         self.witness = _refined(witness, self.agent, refine)
         self.loop = loop.build(self.agent, self.claim, witness)
 
     def drawn_in(self) -> DirectAgentWitness:
         with precision(BITS):
             shares = iter(_Shrink(self.name, self.loop, self.witness).shares())
-        table: Any = [[[entry * share for entry in c] for c, share in zip(row, shares, strict=False)]
-                      for row in self.witness.kernels]
+        table: Any = [
+            [[entry * share for entry in c] for c, share in zip(row, shares, strict=False)]
+            for row in self.witness.kernels
+        ]
         self.witness = replace(self.witness, kernels=table)
         start = self.first_phase()
         self.tube(start)
@@ -97,7 +103,8 @@ class _Problem:
         """Draws in every step of phase 1; magnitudes of ``Y`` at its end."""
         increments = self.increments()
         rule = FirstPhase(
-            self.name, self.agent, self.claim, self.witness, self.known, self.outside, increments, tabulate)
+            self.name, self.agent, self.claim, self.witness, self.known, self.outside, increments, tabulate
+        )
         X, fastest = rule.at_start(), Interval(0, 0)
         for k in range(len(self.witness.phase1.boxes)):
             X, fastest = self.first_step(rule, k, X, fastest)
@@ -149,12 +156,15 @@ class _Problem:
         if not speeds:
             return False
         starts = [self.agent.z_box, *self.witness.ranges][step]
-        ends = tuple((lo - _above(length * down), hi + _above(length * up))
-                     for (lo, hi), down, up in zip(starts, speeds[::2], speeds[1::2], strict=True))
+        ends = tuple(
+            (lo - _above(length * down), hi + _above(length * up))
+            for (lo, hi), down, up in zip(starts, speeds[::2], speeds[1::2], strict=True)
+        )
         before = self.witness.ranges[step]
         self.witness = replace(self.witness, ranges=_with(self.witness.ranges, step, ends))
-        return any(abs(a - b) > TINY / 4 for old, new in zip(before, ends, strict=True)
-                   for a, b in zip(old, new, strict=True))
+        return any(
+            abs(a - b) > TINY / 4 for old, new in zip(before, ends, strict=True) for a, b in zip(old, new, strict=True)
+        )
 
     def tube(self, start: list[Interval]) -> None:
         """Draws in every step of the tube, and the tail."""
@@ -235,6 +245,7 @@ def _settle(attempt: Callable[[Row], list[Fraction]], box: Row) -> None:
 
 def _refined(witness: DirectAgentWitness, agent: Agent, parts: int) -> DirectAgentWitness:
     """With every step of both phases, and what is known of ``z`` at its end, cut in equal parts."""
+
     def cut(grid: Row) -> Row:
         inner = [a + (b - a) * k / parts for a, b in pairwise(grid) for k in range(1, parts + 1)]
         return (grid[0], *inner)
@@ -245,8 +256,12 @@ def _refined(witness: DirectAgentWitness, agent: Agent, parts: int) -> DirectAge
     phase, ranges = witness.phase1, []
     for before, after in pairwise([agent.z_box, *witness.ranges]):
         for k in range(1, parts + 1):
-            ranges.append([[a + (b - a) * Fraction(k, parts) for a, b in zip(*ends, strict=True)]
-                           for ends in zip(before, after, strict=True)])
+            ranges.append(
+                [
+                    [a + (b - a) * Fraction(k, parts) for a, b in zip(*ends, strict=True)]
+                    for ends in zip(before, after, strict=True)
+                ]
+            )
     phase = replace(phase, grid=cut(phase.grid), boxes=repeated(phase.boxes), vartheta=repeated(phase.vartheta))
     return replace(witness, phase1=phase, grid=cut(witness.grid), boxes=repeated(witness.boxes), ranges=tuple(ranges))
 

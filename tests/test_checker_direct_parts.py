@@ -43,13 +43,15 @@ def exactly(A: Any) -> list[list[Fraction]]:
     return [[Fraction(float(entry)) for entry in row] for row in np.array(A, dtype=float)]
 
 
-def prove(A: Any, H: Any, blocks: list[int], rates: list[Fraction], c: Any, outputs: Any = None, inputs: Any = None
-          ) -> None:
+def prove(
+    A: Any, H: Any, blocks: list[int], rates: list[Fraction], c: Any, outputs: Any = None, inputs: Any = None
+) -> None:
     size = len(A)
     outputs = np.eye(size) if outputs is None else outputs
     inputs = np.zeros((size, 0)) if inputs is None else inputs
-    plain = loop.Loop(0, 1, exactly(A), [list(map(Fraction, row)) for row in inputs], exactly(np.eye(size)),
-                      exactly(outputs))
+    plain = loop.Loop(
+        0, 1, exactly(A), [list(map(Fraction, row)) for row in inputs], exactly(np.eye(size)), exactly(outputs)
+    )
     table = [[[Fraction(entry) for entry in entries] for entries in row] for row in c]
     witness: Any = SimpleNamespace(modes=exactly(H), blocks=blocks, rates=rates, kernels=table)
     kernels.prove("agent 1", plain, witness)
@@ -59,6 +61,7 @@ def prove(A: Any, H: Any, blocks: list[int], rates: list[Fraction], c: Any, outp
 def test_an_exponential_needs_its_coefficient(c: str, proved: bool) -> None:
     def attempt() -> None:
         prove([[-1]], [[3]], [1], [Fraction(9, 10)], [[[c]]])
+
     if proved:
         attempt()
     else:
@@ -97,14 +100,25 @@ def test_a_slow_tail_needs_the_slowest_rate() -> None:
         prove(A, np.eye(2), [1, 1], [Fraction(9, 10), Fraction(40)], c)
 
 
-@pytest.mark.parametrize(("second", "third", "proved"), [
-    ("-1/2", "-3/10", True), ("-1/2", "-3/5", False), ("-11/10", "0", False), ("-1/2", "0", True), ("0", "0", True)])
+@pytest.mark.parametrize(
+    ("second", "third", "proved"),
+    [("-1/2", "-3/10", True), ("-1/2", "-3/5", False), ("-11/10", "0", False), ("-1/2", "0", True), ("0", "0", True)],
+)
 def test_a_coefficient_may_be_negative(second: str, third: str, proved: bool) -> None:
     """``|e^(−t) − e^(−4t)| ≤ 21/20 e^(−0.9t) + c_2 e^(−4t) + c_3 e^(−8t)``: the sum must not be below 0 at 0."""
+
     def attempt() -> None:
         wide = ["21/20", "0", "0"]
-        prove(np.diag([-1, -4]), np.eye(2), [1, 1], [Fraction(9, 10), Fraction(4), Fraction(8)],
-              [[["21/20", second, third], wide, wide]], outputs=[[1, -1]], inputs=[[1], [1]])
+        prove(
+            np.diag([-1, -4]),
+            np.eye(2),
+            [1, 1],
+            [Fraction(9, 10), Fraction(4), Fraction(8)],
+            [[["21/20", second, third], wide, wide]],
+            outputs=[[1, -1]],
+            inputs=[[1], [1]],
+        )
+
     if proved:
         attempt()
     else:
@@ -145,28 +159,39 @@ def test_long_denominators_are_refused_before_they_are_multiplied() -> None:
         kernels.prove("agent 1", loop.Loop(0, 1, A, [[]] * 40, A, A), witness)
 
 
-@pytest.mark.parametrize("make", [producer.first_order, producer.second_order, producer.third_order,
-                                  producer.with_exosystem])
+@pytest.mark.parametrize(
+    "make", [producer.first_order, producer.second_order, producer.third_order, producer.with_exosystem]
+)
 def test_the_nominal_loop_is_that_of_the_original_coordinates(make: Any) -> None:
     tiny = make()
     read = read_certificate(producer.encode(produced(make)))
     witness: Any = read.witness.agents[0]
     built = loop.build(read_plant(tiny.toml).agents[0], read.claim.agents[0], witness)
     A, inputs, outputs = producer.loop(tiny)
-    for exact, found in zip((built.A, built.inputs, built.starts, built.outputs),
-                            (A, inputs, producer.starts(tiny, len(A)), outputs), strict=True):
+    for exact, found in zip(
+        (built.A, built.inputs, built.starts, built.outputs),
+        (A, inputs, producer.starts(tiny, len(A)), outputs),
+        strict=True,
+    ):
         assert np.allclose(np.array([[float(entry) for entry in row] for row in exact]), found, rtol=1e-9, atol=1e-9)
 
 
 NAMES = ("a", "b", "c")
 LEAVES = st.one_of(st.sampled_from(NAMES), st.integers(1, 5).map(str))
-EXPRESSIONS = st.recursive(LEAVES, lambda inner: st.one_of(
-    st.tuples(inner, st.sampled_from("+-*"), inner).map(lambda parts: "({} {} {})".format(*parts)),
-    st.tuples(inner, inner).map(lambda parts: "({} / (6 + {}^2))".format(*parts)),
-    st.tuples(inner, st.sampled_from([2, 3, -2])).map(lambda parts: "(4 + sin({}))^{}".format(*parts)),
-    st.tuples(st.sampled_from(["sin", "cos", "atan", "tanh"]), inner).map(lambda parts: "{}({})".format(*parts)),
-    inner.map(lambda part: f"exp(sin({part}))"), inner.map(lambda part: f"sqrt(2 + cos({part}))"),
-    inner.map(lambda part: f"log(3 + sin({part}))"), inner.map(lambda part: f"-{part}")), max_leaves=8)
+EXPRESSIONS = st.recursive(
+    LEAVES,
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from("+-*"), inner).map(lambda parts: "({} {} {})".format(*parts)),
+        st.tuples(inner, inner).map(lambda parts: "({} / (6 + {}^2))".format(*parts)),
+        st.tuples(inner, st.sampled_from([2, 3, -2])).map(lambda parts: "(4 + sin({}))^{}".format(*parts)),
+        st.tuples(st.sampled_from(["sin", "cos", "atan", "tanh"]), inner).map(lambda parts: "{}({})".format(*parts)),
+        inner.map(lambda part: f"exp(sin({part}))"),
+        inner.map(lambda part: f"sqrt(2 + cos({part}))"),
+        inner.map(lambda part: f"log(3 + sin({part}))"),
+        inner.map(lambda part: f"-{part}"),
+    ),
+    max_leaves=8,
+)
 BOX = st.tuples(st.integers(-8, 8), st.integers(0, 6)).map(lambda ends: (Fraction(ends[0], 4), Fraction(sum(ends), 4)))
 PLACE = st.integers(0, 4)
 
@@ -176,8 +201,10 @@ PLACE = st.integers(0, 4)
 def test_slopes_hold_every_quotient_of_differences(text: str, before: Any, after: Any, places: Any) -> None:
     """On ``text(x) − text(c)``, leg by leg, for points ``c`` and ``x`` of the boxes."""
     node = parse(text, {name: Name(name) for name in NAMES})
-    found = Path(node, NAMES).slopes({name: between(*box) for name, box in zip(NAMES, before, strict=True)},
-                  {name: between(*box) for name, box in zip(NAMES, after, strict=True)})
+    found = Path(node, NAMES).slopes(
+        {name: between(*box) for name, box in zip(NAMES, before, strict=True)},
+        {name: between(*box) for name, box in zip(NAMES, after, strict=True)},
+    )
     ends = [lo + (hi - lo) * k / 4 for (lo, hi), k in zip((*before, *after), places, strict=True)]
     values = {name: enclose(end) for name, end in zip(NAMES, ends[:3], strict=True)}
     for name, c, x, slope in zip(NAMES, ends[:3], ends[3:], found, strict=True):
@@ -250,8 +277,9 @@ def test_the_table_is_above_the_exponential(c: list[int]) -> None:
     n, observer = len(c), tuple(map(Fraction, c))
     table, E3 = tabulate(observer), loop.observer_matrix(observer)
     with precision(BITS):
-        *bounds, rest, area = np.array([[[float(x.upper()) for x in row] for row in A.tolist()]
-                                        for A in (*table.bounds, table.rest, table.area)])
+        *bounds, rest, area = np.array(
+            [[[float(x.upper()) for x in row] for row in A.tolist()] for A in (*table.bounds, table.rest, table.area)]
+        )
     d, exact = float(table.step), np.array([[float(entry) for entry in row] for row in E3])
     assert 4 * d * np.abs(exact).sum(axis=1).max() <= 1 < 8 * d * np.abs(exact).sum(axis=1).max()
     fine = 8
@@ -276,17 +304,25 @@ def test_an_observer_that_does_not_settle_has_no_table(c: list[int]) -> None:
 
 def test_ranges_hold_the_trajectories_of_two_zero_states() -> None:
     """``z1' = −z1 + z2²/4 + x1``, ``z2' = −2 z2 + p z1 + v1`` in ranges that are just wide enough on their faces."""
-    toml = producer.with_exosystem().toml.decode().replace("{ q =", "{ p = [0.5, 1], q =").replace(
-        'zero_dynamics = { z1 = "-z1 + x1 + v1" }',
-        'zero_dynamics = { z1 = "-z1 + z2^2/4 + x1", z2 = "-2*z2 + p*z1 + v1" }')
+    toml = (
+        producer.with_exosystem()
+        .toml.decode()
+        .replace("{ q =", "{ p = [0.5, 1], q =")
+        .replace(
+            'zero_dynamics = { z1 = "-z1 + x1 + v1" }',
+            'zero_dynamics = { z1 = "-z1 + z2^2/4 + x1", z2 = "-2*z2 + p*z1 + v1" }',
+        )
+    )
     agent = read_plant(toml.encode()).agents[0]
     length, steps, X, V = Fraction(1, 16), 40, Fraction(1, 2), Fraction(1, 4)
     box = {"v1": between(-V, V), "v2": between(-1, 1), "x1": between(-X, X), "p": between(Fraction(1, 2), 1)}
     edges, entries = (Fraction(1), Fraction(1)), []
     for _ in range(steps):
         a, b = edges  # |z1| ≤ a, |z2| ≤ b: the faces move inward at −a + b²/4 + X and −2b + a + V, slower than they may
-        edges = (a + length * max(-a * 9 / 10 + b**2 / 4 + X, Fraction(0)),
-                 b + length * max(-2 * b * 9 / 10 + a * 21 / 20 + V, Fraction(-1, 8)))
+        edges = (
+            a + length * max(-a * 9 / 10 + b**2 / 4 + X, Fraction(0)),
+            b + length * max(-2 * b * 9 / 10 + a * 21 / 20 + V, Fraction(-1, 8)),
+        )
         entries.append([(-edge, edge) for edge in edges])
     ranges = ZeroRanges("agent 1", agent, entries)
     for k in range(steps):
@@ -315,15 +351,31 @@ def test_ranges_hold_the_trajectories_of_two_zero_states() -> None:
 
 
 REFERENCE = Reference(
-    enclose(0), Fraction(1, 2), [Step(-k * UNIT, k * UNIT + 1, (5 - k) * UNIT, 7 * UNIT) for k in range(4)],
-    enclose(9), enclose(11), Fraction(1, 8))
+    enclose(0),
+    Fraction(1, 2),
+    [Step(-k * UNIT, k * UNIT + 1, (5 - k) * UNIT, 7 * UNIT) for k in range(4)],
+    enclose(9),
+    enclose(11),
+    Fraction(1, 8),
+)
 
 
-@pytest.mark.parametrize(("start", "end", "high", "distance", "speed"), [
-    ("0", "1/2", 0, 5, 7), ("1/4", "3/4", 1, 5, 7), ("1/2", "1", 1, 4, 7), ("1/2", "9/8", 2, 4, 7),
-    ("3/2", "2", 2, 2, 7), ("3/2", "17/8", 9, 9, 11), ("2", "3", 9, 9, 11), ("100", "200", 9, 9, 11)])
-def test_the_reference_is_the_hull_over_the_steps_met(start: str, end: str, high: int, distance: int, speed: int
-                                                      ) -> None:
+@pytest.mark.parametrize(
+    ("start", "end", "high", "distance", "speed"),
+    [
+        ("0", "1/2", 0, 5, 7),
+        ("1/4", "3/4", 1, 5, 7),
+        ("1/2", "1", 1, 4, 7),
+        ("1/2", "9/8", 2, 4, 7),
+        ("3/2", "2", 2, 2, 7),
+        ("3/2", "17/8", 9, 9, 11),
+        ("2", "3", 9, 9, 11),
+        ("100", "200", 9, 9, 11),
+    ],
+)
+def test_the_reference_is_the_hull_over_the_steps_met(
+    start: str, end: str, high: int, distance: int, speed: int
+) -> None:
     found = REFERENCE.during(Fraction(start), Fraction(end))
     assert (round(found.y.hi), round(found.distance.hi), found.speed.hi) == (high, distance, speed)
 
@@ -350,16 +402,22 @@ def test_the_exosystem_and_the_steady_state_are_enclosed_in_time() -> None:
     for t in np.linspace(0, 8, 30):
         v1, v2 = 9 / 8 * np.sin(t), 9 / 8 * np.cos(t)
         for p in (1, 1.5, 2):
-            assert all(float(box.lo) <= value <= float(box.hi)
-                       for value, box in zip((v1 / p, p * v2), tail.steady_state, strict=True))
+            assert all(
+                float(box.lo) <= value <= float(box.hi)
+                for value, box in zip((v1 / p, p * v2), tail.steady_state, strict=True)
+            )
     assert 9 / 4 <= tail.steady_state[1].hi < 2.3
 
 
 def test_in_the_tail_the_ellipse_of_the_exosystem_bounds_the_steady_state() -> None:
     """``|v1 + v2| ≤ √2`` on the unit circle, ``≤ 2`` on the square around it."""
     v0 = {"v1": enclose(0), "v2": enclose(1)}
-    exosystem = Exosystem([[Fraction(0), Fraction(1)], [Fraction(-1), Fraction(0)]], linear.identity(2), v0,
-                          dict.fromkeys(v0, between(-1, 1)))
+    exosystem = Exosystem(
+        [[Fraction(0), Fraction(1)], [Fraction(-1), Fraction(0)]],
+        linear.identity(2),
+        v0,
+        dict.fromkeys(v0, between(-1, 1)),
+    )
     outside = Outside(exosystem, REFERENCE, ["v1 + v2", "v1*v2"], {})
     by_sum, by_product = outside.in_tail().steady_state
     assert 2 <= by_sum.hi**2 < 2.001

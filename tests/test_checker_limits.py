@@ -101,8 +101,12 @@ def nearer(kind: str, last: int, value: str) -> str:
     return str(number * Fraction(999, 1000))
 
 
-WIDENED = [("saturated", "p", "x1"), ("saturated", "q", "b"), ("exosystem", "q", "b"),
-           pytest.param("measured", "p", "x2", marks=pytest.mark.slow)]
+WIDENED = [
+    ("saturated", "p", "x1"),
+    ("saturated", "q", "b"),
+    ("exosystem", "q", "b"),
+    pytest.param("measured", "p", "x2", marks=pytest.mark.slow),
+]
 
 
 @pytest.mark.parametrize(("name", "parameter", "slope"), WIDENED)

@@ -50,15 +50,34 @@ class Model:
 
 
 MODELS = {
-    "first": Model(1, ("-2*z1 + 2*x1 + 2*v1",), "p*x1 + z1 - v1",
-                   lambda z, x, v, p: ([-2 * z[0] + 2 * x[0] + 2 * v], p * x[0] + z[0] - v), (1.0,), 2, True),
-    "second": Model(2, ("-z1 + x1 + v1", "-z2 + z1"), "p*x2 + x2 + 3*z1 - z2 + x1 + v1",
-                    lambda z, x, v, p: ([-z[0] + x[0] + v, -z[1] + z[0]], (p + 1) * x[1] + 3 * z[0] - z[1] + x[0] + v),
-                    (1.0, 1.0), 2, True),
+    "first": Model(
+        1,
+        ("-2*z1 + 2*x1 + 2*v1",),
+        "p*x1 + z1 - v1",
+        lambda z, x, v, p: ([-2 * z[0] + 2 * x[0] + 2 * v], p * x[0] + z[0] - v),
+        (1.0,),
+        2,
+        True,
+    ),
+    "second": Model(
+        2,
+        ("-z1 + x1 + v1", "-z2 + z1"),
+        "p*x2 + x2 + 3*z1 - z2 + x1 + v1",
+        lambda z, x, v, p: ([-z[0] + x[0] + v, -z[1] + z[0]], (p + 1) * x[1] + 3 * z[0] - z[1] + x[0] + v),
+        (1.0, 1.0),
+        2,
+        True,
+    ),
     "third": Model(3, (), "p*x3 - x2 + 2*x1", lambda z, x, v, p: ([], p * x[2] - x[1] + 2 * x[0]), (), 0, True),
-    "curved": Model(2, ("-z1 + x1 + v1",), "p*x2*x1 + sin(z1) + x1^3/4 + v1",
-                    lambda z, x, v, p: ([-z[0] + x[0] + v], p * x[1] * x[0] + np.sin(z[0]) + x[0] ** 3 / 4 + v),
-                    (1.0,), 1, False),
+    "curved": Model(
+        2,
+        ("-z1 + x1 + v1",),
+        "p*x2*x1 + sin(z1) + x1^3/4 + v1",
+        lambda z, x, v, p: ([-z[0] + x[0] + v], p * x[1] * x[0] + np.sin(z[0]) + x[0] ** 3 / 4 + v),
+        (1.0,),
+        1,
+        False,
+    ),
 }
 
 
@@ -74,16 +93,26 @@ class Case:
         tiny = replace(producer.with_exosystem(), agent=text)
         self.agent: Agent = read_plant(tiny.toml).agents[0]
         self.claim = AgentClaim(
-            1, Q(2), Q(7), Q(50), Q(10) if n > 1 else None, (Q(3), Q(1, 2))[: n - 1], (Q(3), Q(2), Q(5))[: n] if n > 1
-            else (), [[Q(-1), Q(2)], [Q(-3), Q(-4)]][:s] if s != 1 else [[Q(-2)]], (Q(2), Q(-1))[:s], (Q(1), Q(3))[:s])
+            1,
+            Q(2),
+            Q(7),
+            Q(50),
+            Q(10) if n > 1 else None,
+            (Q(3), Q(1, 2))[: n - 1],
+            (Q(3), Q(2), Q(5))[:n] if n > 1 else (),
+            [[Q(-1), Q(2)], [Q(-3), Q(-4)]][:s] if s != 1 else [[Q(-2)]],
+            (Q(2), Q(-1))[:s],
+            (Q(1), Q(3))[:s],
+        )
         nominal = SimpleNamespace(f0=[[Q(-1, 2)] * (nz + 1)] * nz, f1=(Q(1, 3),) * (nz + n), b=Q(9, 8))
         empty = SimpleNamespace(grid=(Q(0),), boxes=(), vartheta=())
         self.outputs = nz + n + 2
         identity = [[[Q(int(i == j))] for j in range(nz + 2)] for i in range(self.outputs)]
         size = loop.size_of(self.agent, s)
         kernels = [[*row, *[[Q(0)]] * size] for row in identity]
-        self.witness: Any = SimpleNamespace(phase1=empty, nominal=nominal, rates=(Q(1),), kernels=kernels, boxes=(),
-                                            ell=(Q(0),) * s)
+        self.witness: Any = SimpleNamespace(
+            phase1=empty, nominal=nominal, rates=(Q(1),), kernels=kernels, boxes=(), ell=(Q(0),) * s
+        )
         v, steady = between(-1, 1), [between(Q(-5, 4), Q(5, 4))] * nz
         reach = Q(OPTIMUM) + Q(Y)
         y = between(-reach, reach)
@@ -163,8 +192,10 @@ def test_what_the_nominal_loop_leaves_out_is_below_the_forcing_of_the_tube(name:
     random = np.random.default_rng(1)
     eta, e = random.normal(size=(s, COUNT)), random.normal(size=(n if n > 1 else 0, COUNT))
     X = np.vstack([case.z_bar, case.x_bar, eta, e])
-    A, B, C = (np.array(table, dtype=float).reshape(-1, columns) for table, columns in (
-        (built.A, len(X)), (built.inputs, nz + 2), (built.outputs, len(X))))
+    A, B, C = (
+        np.array(table, dtype=float).reshape(-1, columns)
+        for table, columns in ((built.A, len(X)), (built.inputs, nz + 2), (built.outputs, len(X)))
+    )
     estimate, psi, N = (C @ X)[-2], np.array(claim.psi, dtype=float), np.array(claim.N, dtype=float)
     u = -float(claim.K) * estimate
     push = case.df + case.true_b * (u + psi @ eta)
@@ -211,7 +242,8 @@ def test_what_an_output_reaches_during_a_step_is_above_all_of_it(seed: int) -> N
         tube.p = [[arb(float(entry)) for entry in row] for row in p]
         tube.forcing = lambda *box: [[arb(float(entry)) for entry in row] for row in phi]  # type: ignore[method-assign]
         tube.inside = lambda name, found, box: reached.extend(  # type: ignore[method-assign]
-            float(size.upper()) for size in found)
+            float(size.upper()) for size in found
+        )
         tube.step(0, nothing)
         after = np.array([[float(entry) for entry in row] for row in tube.p])
     times = np.append(0.0, np.geomspace(2.0**-16, 1.0, 4000)) * float(length)

@@ -306,7 +306,11 @@ def test_simulate_writes_its_folder_and_nothing_else(certify: Certify, tmp_path:
     assert json.loads(done.stdout)["status"] == "holds"
     assert all(os.listdir(tmp_path / place) == [] for place in ("home", "cwd", "tmp"))
     assert sorted(os.listdir(tmp_path / "out")) == [
-        "inputs.png", "outputs.png", "references.png", "tracking_error.png", "trajectory.csv"
+        "inputs.png",
+        "outputs.png",
+        "references.png",
+        "tracking_error.png",
+        "trajectory.csv",
     ]
 
 

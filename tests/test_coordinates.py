@@ -43,10 +43,14 @@ def variants(order: int) -> dict[str, tuple[Agent, Exosystem, int, int]]:
     zero = [P * Z1 + X1 + V1]
     return {
         "bare": (agent(f=x[-1] ** 2 * x[0], order=order), NOTHING, 0, int(order == 1)),
-        "constant input": (agent(f=Q * X1 ** 3 + chain_sum(order), order=order, b=Q, box=BOX), NOTHING, 0, 1),
+        "constant input": (agent(f=Q * X1**3 + chain_sum(order), order=order, b=Q, box=BOX), NOTHING, 0, 1),
         "disturbance": (agent(f=chain_sum(order) + V1 + P * V2, order=order, box=BOX), ROTATION, 0, 3),
-        "zero dynamics only": (agent([P * Z1 + X1 ** 2], x[-1] * Z1 if order > 1 else 0, order=order, box=BOX), NOTHING,
-                               1, 0),
+        "zero dynamics only": (
+            agent([P * Z1 + X1**2], x[-1] * Z1 if order > 1 else 0, order=order, box=BOX),
+            NOTHING,
+            1,
+            0,
+        ),
         "both": (agent(zero, Z1 * X1 * x[-1] + Z1 + V2, order=order, b=Q, box=BOX), ROTATION, 1, 3),
         "two zero states": (agent([P * Z1 + Z2 + V1, -Z2 + X1], Z1 + x[-1] * Z2, order=order, box=BOX), CONSTANT, 2, 1),
         "transcendental": (agent([-Z1 + sin(X1)], exp(x[-1]) - 1 + Z1 * X1, order=order), NOTHING, 1, 1),
@@ -78,7 +82,7 @@ def test_example_of_the_paper(five_agents: Plant, index: int) -> None:
         assert normal_form(system.f0_hat[0] - (yr - 2)) == 0 and system.f2_bar == 0
     else:
         p3, yr = symbol("p3"), sym.reference
-        assert normal_form(system.f2_bar - p3 * (yr ** 3 - 8)) == 0
+        assert normal_form(system.f2_bar - p3 * (yr**3 - 8)) == 0
 
 
 def test_coordinates_are_those_of_the_theory() -> None:
@@ -87,18 +91,35 @@ def test_coordinates_are_those_of_the_theory() -> None:
     system = built(plant, NOTHING, sympy.Integer(2))
     sym, gains = system.symbols, system.symbols.gains
     (gamma1, gamma2), g, h, yr = gains.gamma, gains.g, gains.h, sym.reference
-    vartheta = X3 + g * gamma2 * X2 + g ** 2 * gamma1 * (X1 - yr)
+    vartheta = X3 + g * gamma2 * X2 + g**2 * gamma1 * (X1 - yr)
     u_star = 2 / P / Q
-    assert [normal_form(z) for z in dict(system.from_original).values()] == [normal_form(z) for z in (
-        Z1 + 2 / P, X1 - yr, X2 / g, sym.eta[0] - u_star - vartheta / Q, vartheta,
-        h ** 2 * (X1 - sym.observer[0]), h * (X2 - sym.observer[1]), X3 - sym.observer[2])]
+    assert [normal_form(z) for z in dict(system.from_original).values()] == [
+        normal_form(z)
+        for z in (
+            Z1 + 2 / P,
+            X1 - yr,
+            X2 / g,
+            sym.eta[0] - u_star - vartheta / Q,
+            vartheta,
+            h**2 * (X1 - sym.observer[0]),
+            h * (X2 - sym.observer[1]),
+            X3 - sym.observer[2],
+        )
+    ]
     u = sym.ubar + sym.eta[0]  # Ψ = 1: M = −1, N = 1, Φ = 0, T = 1
     c1, c2, c3 = gains.c
     error = X1 - sym.observer[0]
     assert dict(system.original) == {
-        Z1: P * Z1 + X1, X1: X2, X2: X3, X3: Z1 + X2 * X3 + Q * u, sym.eta[0]: -sym.eta[0] + u,
-        sym.observer[0]: sym.observer[1] + h * c3 * error, sym.observer[1]: sym.observer[2] + h ** 2 * c2 * error,
-        sym.observer[2]: h ** 3 * c1 * error, yr: sym.reference_rate}
+        Z1: P * Z1 + X1,
+        X1: X2,
+        X2: X3,
+        X3: Z1 + X2 * X3 + Q * u,
+        sym.eta[0]: -sym.eta[0] + u,
+        sym.observer[0]: sym.observer[1] + h * c3 * error,
+        sym.observer[1]: sym.observer[2] + h**2 * c2 * error,
+        sym.observer[2]: h**3 * c1 * error,
+        yr: sym.reference_rate,
+    }
 
 
 def test_controller_sees_the_estimate() -> None:
@@ -107,8 +128,8 @@ def test_controller_sees_the_estimate() -> None:
     sym, gains = system.symbols, system.symbols.gains
     (gamma1, gamma2), g = gains.gamma, gains.g
     x = sym.observer
-    assert sympy.expand(system.observed - (x[2] + g * gamma2 * x[1] + g ** 2 * gamma1 * (x[0] - sym.reference))) == 0
-    expected = sympy.Matrix([[g ** 2 * gamma1 / gains.h ** 2, g * gamma2 / gains.h, 1]])
+    assert sympy.expand(system.observed - (x[2] + g * gamma2 * x[1] + g**2 * gamma1 * (x[0] - sym.reference))) == 0
+    expected = sympy.Matrix([[g**2 * gamma1 / gains.h**2, g * gamma2 / gains.h, 1]])
     assert expected == system.matrices.E2
 
 
@@ -118,15 +139,16 @@ def test_matrices_have_the_design_polynomials(order: int) -> None:
     system = built(agent(order=order), NOTHING)
     gains, matrices, x = system.symbols.gains, system.matrices, sympy.Symbol("x")
     for matrix, lower in ((matrices.Ac, gains.gamma), (matrices.E3, gains.c)):
-        expected = x ** len(lower) + sum(c * x ** k for k, c in enumerate(lower))
+        expected = x ** len(lower) + sum(c * x**k for k, c in enumerate(lower))
         assert sympy.expand(matrix.charpoly(x).as_expr() - expected) == 0
     assert matrices.E.shape == matrices.Bc.shape == (order - 1, 1) and matrices.E2.shape == (1, order)
 
 
 def broken(system: ErrorSystem, state: sympy.Symbol, change: sympy.Expr) -> list[sympy.Expr]:
     """The residuals that are not zero once the equation of one state is changed."""
-    changed = replace(system, equations=tuple((name, rate + change if name == state else rate)
-                                              for name, rate in system.equations))
+    changed = replace(
+        system, equations=tuple((name, rate + change if name == state else rate) for name, rate in system.equations)
+    )
     return [residual for residual in map(normal_form, identity_residuals(changed)) if residual != 0]
 
 
@@ -146,7 +168,8 @@ def test_printed_observer_error_is_right_for_higher_orders(order: int) -> None:
     system = built(agent([P * Z1 + X1 + V1], Z1 * X1 + V2, order=order, box=BOX), ROTATION)
     sym, g = system.symbols, system.symbols.gains.g
     printed = system.rate(sym.vartheta) - g ** (order - 1) * sum(
-        gamma * system.rate(x) for gamma, x in zip(sym.gains.gamma, sym.xhat, strict=True))
+        gamma * system.rate(x) for gamma, x in zip(sym.gains.gamma, sym.xhat, strict=True)
+    )
     assert normal_form(printed - system.xn_dot) == 0
 
 
@@ -168,7 +191,7 @@ def test_f15_printed_column_has_one_row_too_many(order: int) -> None:
 
 def test_f19_printed_steady_state_breaks_the_identities(five_agents: Plant) -> None:
     p1, v1, v2 = sympy.symbols("p1 v1 v2", real=True)
-    printed = -11 * p1 * v1 / (p1 ** 2 + THETA ** 2) - 11 * THETA * v2 / (p1 ** 2 + THETA ** 2) + p1 * S / THETA
+    printed = -11 * p1 * v1 / (p1**2 + THETA**2) - 11 * THETA * v2 / (p1**2 + THETA**2) + p1 * S / THETA
     first, exo = five_agents.agents[0], five_agents.exosystem
     right = solve_regulator(first, exo)
     assert isinstance(right, SteadyState)
@@ -176,7 +199,7 @@ def test_f19_printed_steady_state_breaks_the_identities(five_agents: Plant) -> N
     assert isinstance(model, InternalModel)
     system = error_system(first, exo, SteadyState((printed,), right.u_star, "user"), model, sympy.Integer(2))
     residual = normal_form(identity_residuals(system)[0])
-    assert residual == normal_form(2 + 2 * p1 ** 2 / THETA)
+    assert residual == normal_form(2 + 2 * p1**2 / THETA)
 
 
 @pytest.mark.parametrize("name", ["zbar", "xhat", "etatilde", "vartheta", "e"])
@@ -201,7 +224,7 @@ def test_names_of_the_plant_are_not_reused() -> None:
     """A parameter g or c1 and an exosystem state e1 keep their meaning."""
     g, c1, e1 = symbol("g"), symbol("c1"), symbol("e1")
     exo = Exosystem((e1,), sympy.ImmutableMatrix([[0]]), (ROTATION.initial[0],))
-    system = built(agent(f=g * X1 ** 2 + c1 * X2 + e1, box={g: (1, 2), c1: (1, 2)}), exo)
+    system = built(agent(f=g * X1**2 + c1 * X2 + e1, box={g: (1, 2), c1: (1, 2)}), exo)
     own = {system.symbols.gains.g, *system.symbols.gains.c, *system.symbols.e}
     assert not own & {g, c1, e1}
     assert all(normal_form(residual) == 0 for residual in identity_residuals(system))
@@ -219,8 +242,16 @@ def test_derivation_of_the_example(five_agents: Plant) -> None:
     text, latex, data = as_text(derivation), as_latex(derivation), as_dict(derivation)
     assert time.perf_counter() - start < 2
     assert derivation.verdict == "holds" and derivation.types == ((1, 2), (3, 4, 5))
-    for line in ("agents 1, 2: order 2", "u*(s, v, w) = -12*v2", "Ψ = Γ T⁻¹ = (34/25, 3)", "Ψ = Γ T⁻¹ = (3, 159/25, 5)",
-                 "z̄1' = f̄0_1 + f̂0_1", "x̂1' = -g*γ1*x̂1 + ϑ - yr'", "ε = f̄2 - g**2*γ1*yr'", "γ = (1, 2), c = (1, 3, 3)"):
+    for line in (
+        "agents 1, 2: order 2",
+        "u*(s, v, w) = -12*v2",
+        "Ψ = Γ T⁻¹ = (34/25, 3)",
+        "Ψ = Γ T⁻¹ = (3, 159/25, 5)",
+        "z̄1' = f̄0_1 + f̂0_1",
+        "x̂1' = -g*γ1*x̂1 + ϑ - yr'",
+        "ε = f̄2 - g**2*γ1*yr'",
+        "γ = (1, 2), c = (1, 3, 3)",
+    ):
         assert line in text
     assert r"\dot{\hat x_{1}} &= g \hat x_{2} - \dot y^r" in latex and latex.count(r"\begin{align*}") == 8
     assert json.loads(json.dumps(data)) == data
@@ -235,9 +266,9 @@ def pair(*agents: Agent, exo: Exosystem = ROTATION) -> Plant:
 
 
 def test_derivation_reports_what_could_not_be_derived() -> None:
-    derivation = derive(pair(agent(f=V1), agent([X1]), agent(f=1 / (2 + V1)), agent([-Z1 - Z1 ** 3 + X1])), S)
+    derivation = derive(pair(agent(f=V1), agent([X1]), agent(f=1 / (2 + V1)), agent([-Z1 - Z1**3 + X1])), S)
     assert [one.verdict for one in derivation.agents] == ["holds", "fails", "fails", "unknown"]
-    assert derivation.verdict == "fails" and derive(pair(agent([-Z1 - Z1 ** 3 + X1])), S).verdict == "unknown"
+    assert derivation.verdict == "fails" and derive(pair(agent([-Z1 - Z1**3 + X1])), S).verdict == "unknown"
     text = as_text(derivation)
     assert "no steady state (fails): the terms without v" in text
     assert "no internal model (fails): u* is not a polynomial in v" in text
@@ -248,7 +279,7 @@ def test_derivation_reports_what_could_not_be_derived() -> None:
 
 def test_printed_equations_mean_the_computed_ones() -> None:
     """Substituting the named functions and coordinates gives the equations of the error system."""
-    third, first = agent([P * Z1 + X1 + V1], Z1 * X2 + V2, order=3, b=Q, box=BOX), agent(f=X1 ** 2 + V1, order=1)
+    third, first = agent([P * Z1 + X1 + V1], Z1 * X2 + V2, order=3, b=Q, box=BOX), agent(f=X1**2 + V1, order=1)
     derivation = derive(pair(third, first), S)
     for derived in derivation.agents:
         assert isinstance(derived, AgentDerivation) and derived.coordinates and derived.equations

@@ -47,7 +47,8 @@ def test_the_example_is_the_papers(five_agents: Plant) -> None:
 
 
 def test_the_three_examples_differ_only_where_they_say(
-        five_agents: Plant, five_agents_box: Plant, five_agents_published: Plant) -> None:
+    five_agents: Plant, five_agents_box: Plant, five_agents_published: Plant
+) -> None:
     unit, zero = Interval(Fraction(-1), Fraction(1)), Interval(Fraction(0), Fraction(0))
     plants = (five_agents, five_agents_box, five_agents_published)
     for plain, box, published in zip(*(plant.agents for plant in plants), strict=True):
@@ -98,11 +99,19 @@ def test_without_an_exosystem_there_are_no_states() -> None:
     assert (plant.agents[0].zero_states, plant.agents[0].initial.z) == ((), ())
 
 
-@pytest.mark.parametrize(("written", "value"), [
-    ("0.1", Fraction(1, 10)), ("1_000.5", Fraction(2001, 2)), ("+1e-3", Fraction(1, 1000)), ("2.5E+3", Fraction(2500)),
-    ("0x10", Fraction(16)), ("12345678901234567890", Fraction(12345678901234567890)), ('"1/3"', Fraction(1, 3)),
-    ("0.1000000000000000055511151231257827", Fraction("0.1000000000000000055511151231257827")),
-])
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [
+        ("0.1", Fraction(1, 10)),
+        ("1_000.5", Fraction(2001, 2)),
+        ("+1e-3", Fraction(1, 1000)),
+        ("2.5E+3", Fraction(2500)),
+        ("0x10", Fraction(16)),
+        ("12345678901234567890", Fraction(12345678901234567890)),
+        ('"1/3"', Fraction(1, 3)),
+        ("0.1000000000000000055511151231257827", Fraction("0.1000000000000000055511151231257827")),
+    ],
+)
 def test_numbers_are_read_as_they_are_written(written: str, value: Fraction) -> None:
     plant = read(changed("K = 40000", f"K = {written}"))
     assert value == plant.gains.K
@@ -113,22 +122,29 @@ def test_a_matrix_of_the_exosystem_may_be_irrational() -> None:
     assert plant.exosystem.S.tolist() == [[0, sympy.sqrt(2)], [-sympy.sqrt(2), 0]]
 
 
-@pytest.mark.parametrize("ids", ['"1-2"', '["1-2"]', '["1..2"]', '[2, 1]', '["1-1", 2]'])
+@pytest.mark.parametrize("ids", ['"1-2"', '["1-2"]', '["1..2"]', "[2, 1]", '["1-1", 2]'])
 def test_ids_may_be_ranges(ids: str) -> None:
     assert [agent.id for agent in read(changed("ids = [1, 2]", f"ids = {ids}")).agents] == [1, 2]
 
 
-ENDS = {"unit": Interval(Fraction(-1), Fraction(1)), "zero": Interval(Fraction(0), Fraction(0)),
-        "two": Interval(Fraction(2), Fraction(2)), "wide": Interval(Fraction(-3), Fraction(4))}
+ENDS = {
+    "unit": Interval(Fraction(-1), Fraction(1)),
+    "zero": Interval(Fraction(0), Fraction(0)),
+    "two": Interval(Fraction(2), Fraction(2)),
+    "wide": Interval(Fraction(-3), Fraction(4)),
+}
 
 
-@pytest.mark.parametrize(("line", "expected"), [
-    ("", ["unit", "unit", "unit"]),
-    ("x = 2", ["two", "two", "two"]),
-    ("x = [-3, 4]", ["wide", "wide", "wide"]),
-    ("x = [[-1, 1], [2, 2], [-3, 4]]", ["unit", "two", "wide"]),
-    ("x = { x3 = 2, x1 = 0 }", ["zero", "unit", "two"]),
-])
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("", ["unit", "unit", "unit"]),
+        ("x = 2", ["two", "two", "two"]),
+        ("x = [-3, 4]", ["wide", "wide", "wide"]),
+        ("x = [[-1, 1], [2, 2], [-3, 4]]", ["unit", "two", "wide"]),
+        ("x = { x3 = 2, x1 = 0 }", ["zero", "unit", "two"]),
+    ],
+)
 def test_the_initial_box_by_component(line: str, expected: list[str]) -> None:
     agent = read(changed("box = 0", f"box = [-1, 1]\n{line}", LONE)).agents[0]
     assert agent.initial.x == tuple(ENDS[name] for name in expected)

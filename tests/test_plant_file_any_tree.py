@@ -40,14 +40,37 @@ def places(tree: Any) -> list[tuple[Any, Any]]:
 
 TREE = tomllib.loads(BASE)
 KEYS = sorted({key for _, key in places(TREE) if isinstance(key, str)})
-EXPRESSIONS = ["x1", "x2/0", "z1^2", "sqrt(2)", "id", "1/3", "s", "(((", "__import__('os')", "9**9**9",
-               "log(p1)", "A*theta"]
+EXPRESSIONS = [
+    "x1",
+    "x2/0",
+    "z1^2",
+    "sqrt(2)",
+    "id",
+    "1/3",
+    "s",
+    "(((",
+    "__import__('os')",
+    "9**9**9",
+    "log(p1)",
+    "A*theta",
+]
 scalars = st.one_of(
-    st.booleans(), st.integers(-3, 20), st.integers(-(2**70), 2**70), st.floats(), st.text(max_size=8),
-    st.sampled_from(EXPRESSIONS), st.sampled_from(["measured", "1 -> 2", "1-2"]))
-trees = st.recursive(scalars, lambda inner: st.one_of(
-    st.lists(inner, max_size=3),
-    st.dictionaries(st.one_of(st.sampled_from(KEYS), st.text(max_size=4)), inner, max_size=3)), max_leaves=6)
+    st.booleans(),
+    st.integers(-3, 20),
+    st.integers(-(2**70), 2**70),
+    st.floats(),
+    st.text(max_size=8),
+    st.sampled_from(EXPRESSIONS),
+    st.sampled_from(["measured", "1 -> 2", "1-2"]),
+)
+trees = st.recursive(
+    scalars,
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3),
+        st.dictionaries(st.one_of(st.sampled_from(KEYS), st.text(max_size=4)), inner, max_size=3),
+    ),
+    max_leaves=6,
+)
 
 
 def test_the_tree_is_written_back_as_it_was() -> None:
@@ -96,6 +119,6 @@ def test_any_bytes_are_one_line(data: bytes) -> None:
 @given(st.integers(0, len(BASE) - 1), st.integers(0, 30), st.text(max_size=3))
 def test_any_edit_of_the_text_is_a_plant_or_one_line(start: int, length: int, new: str) -> None:
     try:
-        read((BASE[:start] + new + BASE[start + length:]).encode("utf-8", "replace").decode())
+        read((BASE[:start] + new + BASE[start + length :]).encode("utf-8", "replace").decode())
     except InputError as error:
         assert str(error).isprintable()

@@ -92,8 +92,11 @@ REFUSED = [
     ("order = 2", "order = 0", "agent[1].order: an integer from 1 to 16 is needed"),
     ("order = 2", "order = 1", "agent[1].f: column 10: unknown name 'x2'"),
     ("order = 2", "ordr = 2", "agent[1]: unknown key 'ordr'; did you mean 'order'?"),
-    ('{ z1 = "p1*z1 + x1 + A1*v1" }', '{ z1 = "p1*z1 + x2" }',
-     "agent[1].zero_dynamics.z1: column 9: 'x2' may not appear here: in the normal form the zero dynamics depend on"),
+    (
+        '{ z1 = "p1*z1 + x1 + A1*v1" }',
+        '{ z1 = "p1*z1 + x2" }',
+        "agent[1].zero_dynamics.z1: column 9: 'x2' may not appear here: in the normal form the zero dynamics depend on",
+    ),
     ('{ z1 = "p1*z1 + x1 + A1*v1" }', '{ z1 = "p1*z1 + s" }', "zero_dynamics.z1: column 9: 's' may not appear here"),
     ('{ z1 = "p1*z1 + x1 + A1*v1" }', '{ v1 = "z1" }', "agent[1].zero_dynamics.v1: the name 'v1' is taken"),
     ('{ z1 = "p1*z1 + x1 + A1*v1" }', '{ z1 = ["x1"] }', "a string with an expression is needed, found an array"),
@@ -108,8 +111,8 @@ REFUSED = [
     ('"(s - id + 1)^2/4"', '"(s - x1)^2"', "agent[1].cost: column 6: 'x1' may not appear here: a cost"),
     ('"(s - id + 1)^2/4"', '"p2*s^2"', "agent[1].cost: column 1: 'p2' may not appear here"),
     ('{ k = "id*A" }', '{ k = "id*B" }', "agent[1].constants.k: column 4: unknown name 'B'"),
-    ('{ k = "id*A" }', '{ z1 = 1 }', "agent[1].constants.z1: the name 'z1' is taken: it is a zero state"),
-    ('{ k = "id*A" }', '{ A = 1 }', "agent[1].constants.A: the name 'A' is taken: it is a constant"),
+    ('{ k = "id*A" }', "{ z1 = 1 }", "agent[1].constants.z1: the name 'z1' is taken: it is a zero state"),
+    ('{ k = "id*A" }', "{ A = 1 }", "agent[1].constants.A: the name 'A' is taken: it is a constant"),
     ('{ k = "id*A" }', '{ k = "p1" }', "agent[1].constants.k: column 1: unknown name 'p1'"),
     ("p2 = [-0.5, 0.5]", "p2 = [-0.5, 0.5], k = 1", "agent[1].uncertain.k: the name 'k' is taken: it is a constant"),
     ("p2 = [-0.5, 0.5]", "p2 = [-0.5, 0.5], x1 = 1", "agent[1].uncertain.x1: the name 'x1' is taken"),
@@ -145,20 +148,28 @@ def test_refused_with_file_key_and_reason(old: str, new: str, message: str) -> N
     assert message in refusal(changed(old, new))
 
 
-@pytest.mark.parametrize(("lines", "message"), [
-    (2, "network: missing; for example network = { agents = 2, edges = ["),
-    (3, "initial: missing; for example initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }"),
-    (4, "agent: missing; for example [[agent]], then ids, order, f, b and cost in lines of their own"),
-])
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (2, "network: missing; for example network = { agents = 2, edges = ["),
+        (3, "initial: missing; for example initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }"),
+        (4, "agent: missing; for example [[agent]], then ids, order, f, b and cost in lines of their own"),
+    ],
+)
 def test_a_missing_table_is_shown_by_an_example(lines: int, message: str) -> None:
-    begun = ['schema = "consensus-plant/1"', 'name = "one"', "network = { agents = 1, edges = [] }",
-             "initial = { box = 0 }"]
+    begun = [
+        'schema = "consensus-plant/1"',
+        'name = "one"',
+        "network = { agents = 1, edges = [] }",
+        "initial = { box = 0 }",
+    ]
     assert message in refusal("\n".join(begun[:lines]))
 
 
 def test_an_agent_in_two_tables() -> None:
     assert "agent[2].ids: agent 1 is described twice" in refusal(
-        changed("agents = 1", "agents = 2", LONE) + LONE[LONE.index("[[agent]]"):])
+        changed("agents = 1", "agents = 2", LONE) + LONE[LONE.index("[[agent]]") :]
+    )
 
 
 def test_answers_about_zero_dynamics_need_zero_dynamics() -> None:
@@ -172,18 +183,21 @@ def test_an_initial_entry_that_no_agent_uses_is_read_all_the_same(line: str) -> 
     assert refusal(changed("box = 0", f"box = 0\n{line}", LONE)).startswith("initial.z: ")
 
 
-@pytest.mark.parametrize(("text", "message"), [
-    (b"", "schema: missing"),
-    (b"schema = ", "not valid TOML: Invalid value"),
-    (b"a = 1\na = 2\nb = 3", "not valid TOML: Cannot overwrite a value (at line 2"),
-    (b"a = 1\nb = \xff", "line 2: the file is not UTF-8"),
-    (b"x = " + b"[" * 100_000, "the file is nested too deeply"),
-    (b"x = " + b"{a = " * 100_000, "the file is nested too deeply"),
-    (b"x = " + b"9" * 10_000, "not valid TOML"),
-    (b".".join([b"a"] * 100_000) + b" = 1", "a dotted key has more than 32 parts"),
-    (b"[" + b" . ".join([rb'"a\""'] * 100_000) + b"]", "a dotted key has more than 32 parts"),
-    (b"#" * (MAX_FILE_BYTES + 1), "the file is larger than 1000000 bytes"),
-])
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", "schema: missing"),
+        (b"schema = ", "not valid TOML: Invalid value"),
+        (b"a = 1\na = 2\nb = 3", "not valid TOML: Cannot overwrite a value (at line 2"),
+        (b"a = 1\nb = \xff", "line 2: the file is not UTF-8"),
+        (b"x = " + b"[" * 100_000, "the file is nested too deeply"),
+        (b"x = " + b"{a = " * 100_000, "the file is nested too deeply"),
+        (b"x = " + b"9" * 10_000, "not valid TOML"),
+        (b".".join([b"a"] * 100_000) + b" = 1", "a dotted key has more than 32 parts"),
+        (b"[" + b" . ".join([rb'"a\""'] * 100_000) + b"]", "a dotted key has more than 32 parts"),
+        (b"#" * (MAX_FILE_BYTES + 1), "the file is larger than 1000000 bytes"),
+    ],
+)
 def test_bytes_that_are_no_plant(text: bytes, message: str) -> None:
     start = time.perf_counter()
     assert message in refusal(text)

@@ -21,8 +21,10 @@ MODELS: dict[str, tuple[Callable[[], Tiny], Any]] = {
     "second": (producer.second_order, lambda z, x, v, p, q: ([], p * x[1] + x[0] * x[1] / 10)),
     "measured": (producer.measured, lambda z, x, v, p, q: ([], p * x[1] + x[0] * x[1] / 10)),
     "third": (producer.third_order, lambda z, x, v, p, q: ([], p * x[2] + x[0] * x[1] / 10)),
-    "exosystem": (producer.with_exosystem,
-                  lambda z, x, v, p, q: ([-z[0] + x[0] + v[0]], z[0] + v[0] + z[0] * x[0] / 10)),
+    "exosystem": (
+        producer.with_exosystem,
+        lambda z, x, v, p, q: ([-z[0] + x[0] + v[0]], z[0] + v[0] + z[0] * x[0] / 10),
+    ),
 }
 """``f0`` and ``f1``; ``|p| ≤ 1/10``, ``b = 1 + q`` with ``|q|`` up to the plant's ``b_radius``."""
 
@@ -80,10 +82,18 @@ class Simulation:
             steady = np.array([(v[0] - v[1]) / 2])
         x_bar, eta_bar = x - np.append([y], np.zeros(len(x) - 1)), eta - tau
         estimate, sat = self.steering(x, guess, y)
-        return {"z": z, "z_bar": z - steady, "x": x_bar, "theta": self.theta @ x_bar, "eta": eta_bar,
-                "zeta": eta_bar - self.N * x_bar[-1] / b, "e": self.powers * (x - guess) if len(guess) else np.zeros(0),
-                "estimate": estimate, "input": sat + self.psi @ eta_bar, "speed": self.flow(t, self.solution(t))[
-                    self.cuts[1] - 1]}
+        return {
+            "z": z,
+            "z_bar": z - steady,
+            "x": x_bar,
+            "theta": self.theta @ x_bar,
+            "eta": eta_bar,
+            "zeta": eta_bar - self.N * x_bar[-1] / b,
+            "e": self.powers * (x - guess) if len(guess) else np.zeros(0),
+            "estimate": estimate,
+            "input": sat + self.psi @ eta_bar,
+            "speed": self.flow(t, self.solution(t))[self.cuts[1] - 1],
+        }
 
 
 def numbers(value: Any) -> Any:
@@ -98,8 +108,11 @@ def hold_against(tiny: Tiny, certificate: Json, loops: Iterable[Simulation]) -> 
     """The largest share of a box that is used, in both phases up to four seconds after ``T1``; none is ever left."""
     witness = certificate["witness"]["agents"][0]
     phase, ranges = witness["phase1"], numbers([*[[["-1", "1"]] * tiny.nz], *witness["ranges"]])
-    steps = [(a, b, box, part is phase) for part in (phase, witness)
-             for (a, b), box in zip(pairwise(numbers(part["grid"])), numbers(part["boxes"]), strict=True)]
+    steps = [
+        (a, b, box, part is phase)
+        for part in (phase, witness)
+        for (a, b), box in zip(pairwise(numbers(part["grid"])), numbers(part["boxes"]), strict=True)
+    ]
     closest = 0.0
     for loop in loops:
         for index, (start, end, box, saturating) in enumerate(steps):
@@ -107,8 +120,11 @@ def hold_against(tiny: Tiny, certificate: Json, loops: Iterable[Simulation]) -> 
                 break
             for t in np.linspace(start, end, 4):
                 now = loop.at(t)
-                found = sizes(now["z_bar"], now["x"], now["theta"], now["zeta"]) if saturating else sizes(
-                    now["z_bar"], now["x"], now["estimate"], now["input"])
+                found = (
+                    sizes(now["z_bar"], now["x"], now["theta"], now["zeta"])
+                    if saturating
+                    else sizes(now["z_bar"], now["x"], now["estimate"], now["input"])
+                )
                 assert (found <= box * (1 + 1e-6) + 1e-8).all(), (t, found, box)
                 closest = max(closest, *(found / box))
                 if index + 1 < len(ranges):

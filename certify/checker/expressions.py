@@ -39,8 +39,10 @@ MAX_DECIMAL_EXPONENT = 400
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _DECIMAL = re.compile(r"([0-9]*)(?:\.([0-9]*))?(?:[eE]([+-]?[0-9]{1,6}))?")
-_TOKEN = re.compile(r"[ \t\r\n]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
-                    r"|(?P<name>[A-Za-z][A-Za-z0-9_]*)|(?P<op>\*\*|[-+*/^()])|(?P<end>\Z))")
+_TOKEN = re.compile(
+    r"[ \t\r\n]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"|(?P<name>[A-Za-z][A-Za-z0-9_]*)|(?P<op>\*\*|[-+*/^()])|(?P<end>\Z))"
+)
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,9 @@ def decimal(text: str) -> Fraction:
     return int(digits) * Fraction(10) ** (exponent - places)
 
 
-def evaluate(node: Node, values: Mapping[str, Any], number: Callable[[Fraction], Any],
-             call: Callable[[str, Any], Any]) -> Any:
+def evaluate(
+    node: Node, values: Mapping[str, Any], number: Callable[[Fraction], Any], call: Callable[[str, Any], Any]
+) -> Any:
     """The value in any algebra with ``+ - * / **``: ``number`` embeds rationals, ``call`` applies a function."""
     spend(40)
     match node:

@@ -89,8 +89,12 @@ def read_plant(data: bytes) -> Plant:
     _keys(root, "schema name network agent initial", "constants exosystem coordinator gains")
     if root["schema"] != SCHEMA:
         raise Malformed(f"the plant file's schema is not {SCHEMA}")
-    if not isinstance(root["name"], str) or not root["name"].strip() or len(root["name"]) > 200 or (
-            not root["name"].isprintable()):
+    if (
+        not isinstance(root["name"], str)
+        or not root["name"].strip()
+        or len(root["name"]) > 200
+        or (not root["name"].isprintable())
+    ):
         raise Malformed("the plant's name is a line of text")
     size, laplacian = _network(root["network"])
     constants = _constants({}, root.get("constants", {}), set())
@@ -229,8 +233,11 @@ def _agents(value: Any, initial: Any, size: int, constants: Mapping[str, Node], 
     _keys(initial, "", "box z x eta observer reference")
     agents: dict[int, Agent] = {}
     for entry in _list(value):
-        table = _keys(entry, "ids order f b cost", "zero_dynamics constants uncertain steady_state"
-                                                   " zero_dynamics_lyapunov internal_model gamma observer")
+        table = _keys(
+            entry,
+            "ids order f b cost",
+            "zero_dynamics constants uncertain steady_state zero_dynamics_lyapunov internal_model gamma observer",
+        )
         for number in _ids(table["ids"], size):
             if number in agents:
                 raise Malformed(f"agent {number} is described twice")
@@ -253,8 +260,9 @@ def _ids(value: Any, size: int) -> list[int]:
     return ids
 
 
-def _agent(table: Mapping[str, Any], number: int, initial: Mapping[str, Any], shared: Mapping[str, Node],
-           v: Sequence[str]) -> Agent:
+def _agent(
+    table: Mapping[str, Any], number: int, initial: Mapping[str, Any], shared: Mapping[str, Node], v: Sequence[str]
+) -> Agent:
     order = _integer(table["order"], 1, MAX_ORDER)
     chain = [f"x{k}" for k in range(1, order + 1)]
     taken = {*shared, *v}
@@ -281,14 +289,23 @@ def _agent(table: Mapping[str, Any], number: int, initial: Mapping[str, Any], sh
         model = ([_vector(row, constants, len(N)) for row in _list(choice["M"], len(N))], N)
     measured = initial.get("observer") == "measured"
     return Agent(
-        id=number, order=order, zero_states=tuple(z), parameters=parameters,
+        id=number,
+        order=order,
+        zero_states=tuple(z),
+        parameters=parameters,
         zero_dynamics=tuple(read(value, *z, "x1", *v, *w) for value in zero.values()),
-        f=read(table["f"], *z, *chain, *v, *w), b=read(table["b"], *w), cost=read(table["cost"], "s"),
-        z_box=_components(initial, "z", z, constants), x_box=_components(initial, "x", chain, constants),
+        f=read(table["f"], *z, *chain, *v, *w),
+        b=read(table["b"], *w),
+        cost=read(table["cost"], "s"),
+        z_box=_components(initial, "z", z, constants),
+        x_box=_components(initial, "x", chain, constants),
         observer_box=None if measured else _components(initial, "observer", chain, constants),
-        eta_box=_default(initial, "eta", constants), reference_box=_default(initial, "reference", constants),
+        eta_box=_default(initial, "eta", constants),
+        reference_box=_default(initial, "reference", constants),
         gamma=_vector(table["gamma"], constants, order - 1) if "gamma" in table else None,
-        observer=_vector(table["observer"], constants, order) if "observer" in table else None, internal_model=model)
+        observer=_vector(table["observer"], constants, order) if "observer" in table else None,
+        internal_model=model,
+    )
 
 
 def _default(initial: Mapping[str, Any], key: str, constants: Mapping[str, Node]) -> Box:
@@ -298,8 +315,9 @@ def _default(initial: Mapping[str, Any], key: str, constants: Mapping[str, Node]
     return _box(value, constants)
 
 
-def _components(initial: Mapping[str, Any], key: str, names: Sequence[str], constants: Mapping[str, Node]
-                ) -> tuple[Box, ...]:
+def _components(
+    initial: Mapping[str, Any], key: str, names: Sequence[str], constants: Mapping[str, Node]
+) -> tuple[Box, ...]:
     """One box for all components, an array of one per component, or a table by component; ``box`` stands in."""
     value = initial.get(key)
     if isinstance(value, dict):

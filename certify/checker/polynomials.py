@@ -223,8 +223,13 @@ class Algebra:
             result = result + self.derivative(value, name) * speed
         return result
 
-    def enclosure(self, value: Rational, box: Mapping[str, Any], number: Callable[[Any], Any] = enclose,
-                  call: Callable[[str, Any], Any] = functions.call) -> Any:
+    def enclosure(
+        self,
+        value: Rational,
+        box: Mapping[str, Any],
+        number: Callable[[Any], Any] = enclose,
+        call: Callable[[str, Any], Any] = functions.call,
+    ) -> Any:
         """The range of the rational function on a box, in any enclosing scalars with ``+ * / **``."""
         known = dict(box)
 

@@ -33,8 +33,12 @@ class Slope:
 
     def __mul__(self, other: Slope) -> Slope:
         """``f'g(x) + f(c)g'``"""
-        return _join(self.x * other.x, self.c * other.c, None if self.d is None else self.d * other.x,
-                     None if other.d is None else self.c * other.d)
+        return _join(
+            self.x * other.x,
+            self.c * other.c,
+            None if self.d is None else self.d * other.x,
+            None if other.d is None else self.c * other.d,
+        )
 
     def __truediv__(self, other: Slope) -> Slope:
         return self * other.reciprocal()

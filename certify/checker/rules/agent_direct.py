@@ -33,8 +33,15 @@ def prove_design(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -
         kernels.prove(name, loop.build(agent, claim, witness), witness)
 
 
-def prove_tube(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness, reference: Reference, exosystem: Exosystem,
-               known: AgentFacts, tabulate: Callable[[Row], Table]) -> None:
+def prove_tube(
+    agent: Agent,
+    claim: AgentClaim,
+    witness: DirectAgentWitness,
+    reference: Reference,
+    exosystem: Exosystem,
+    known: AgentFacts,
+    tabulate: Callable[[Row], Table],
+) -> None:
     """From the initial set on, for ever. Raises ``Rejected``."""
     name = f"agent {agent.id}"
     require(witness.grid[-1] >= reference.end, f"{name}: t_m ≥ T0", t_m=witness.grid[-1], T0=reference.end)
@@ -52,16 +59,30 @@ def _sizes(name: str, agent: Agent, claim: AgentClaim, witness: DirectAgentWitne
     if size > MAX_STATES:
         raise Malformed(f"{name}: at most {MAX_STATES} states")
     lengths = [
-        (claim.gamma, n - 1), (claim.observer, n if n > 1 else 0), (claim.M, s), (claim.N, s), (claim.psi, s),
-        *((row, s) for row in claim.M), (witness.steady_state, nz),
-        (witness.nominal.f0, nz), *((row, nz + 1) for row in witness.nominal.f0), (witness.nominal.f1, nz + n),
-        (witness.modes, size), *((row, size) for row in witness.modes), (witness.kernels, outputs),
+        (claim.gamma, n - 1),
+        (claim.observer, n if n > 1 else 0),
+        (claim.M, s),
+        (claim.N, s),
+        (claim.psi, s),
+        *((row, s) for row in claim.M),
+        (witness.steady_state, nz),
+        (witness.nominal.f0, nz),
+        *((row, nz + 1) for row in witness.nominal.f0),
+        (witness.nominal.f1, nz + n),
+        (witness.modes, size),
+        *((row, size) for row in witness.modes),
+        (witness.kernels, outputs),
         *((columns, nz + 2 + size) for columns in witness.kernels),
         *((entry, m) for columns in witness.kernels for entry in columns),
-        (phase.boxes, len(phase.grid) - 1), *((box, nz + n + 1 + s) for box in phase.boxes),
-        (phase.vartheta, len(phase.boxes)), *((ends, nz) for ends in witness.ranges),
+        (phase.boxes, len(phase.grid) - 1),
+        *((box, nz + n + 1 + s) for box in phase.boxes),
+        (phase.vartheta, len(phase.boxes)),
+        *((ends, nz) for ends in witness.ranges),
         *((ends, 2) for step in witness.ranges for ends in step),
-        (witness.boxes, len(witness.grid) - 1), *((box, outputs) for box in witness.boxes), (witness.tail.box, outputs)]
+        (witness.boxes, len(witness.grid) - 1),
+        *((box, outputs) for box in witness.boxes),
+        (witness.tail.box, outputs),
+    ]
     if any(len(entries) != length for entries, length in lengths) or not m or sum(witness.blocks) != size:
         raise Malformed(f"{name}: a matrix or a list has the wrong size")
     if len(witness.ranges) > (steps if nz else 0):

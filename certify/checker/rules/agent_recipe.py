@@ -56,8 +56,9 @@ def _lyapunov(name: str, A: Matrix, P: Matrix) -> None:
     require(linear.is_nonnegative(left), name, P=P)
 
 
-def prove_levels(agent: Agent, claim: AgentClaim, witness: AgentWitness, envelope: AgentEnvelope, known: AgentFacts,
-                 facts: Facts) -> None:
+def prove_levels(
+    agent: Agent, claim: AgentClaim, witness: AgentWitness, envelope: AgentEnvelope, known: AgentFacts, facts: Facts
+) -> None:
     """All that depends on the level, at first with the enclosures that cost least. Raises ``Rejected``."""
     try:
         _Recipe(agent, claim, witness, envelope, known, facts, cuts=0).prove()
@@ -68,8 +69,16 @@ def prove_levels(agent: Agent, claim: AgentClaim, witness: AgentWitness, envelop
 class _Recipe:
     """One agent, and the boxes that the level ``C`` confines it to; a bound may cut its box ``cuts`` times."""
 
-    def __init__(self, agent: Agent, claim: AgentClaim, witness: AgentWitness, envelope: AgentEnvelope,
-                 known: AgentFacts, facts: Facts, cuts: int) -> None:
+    def __init__(
+        self,
+        agent: Agent,
+        claim: AgentClaim,
+        witness: AgentWitness,
+        envelope: AgentEnvelope,
+        known: AgentFacts,
+        facts: Facts,
+        cuts: int,
+    ) -> None:
         self.agent, self.claim, self.witness, self.envelope = agent, claim, witness, envelope
         self.known, self.facts, self.cuts = known, facts, cuts
         self.name, self.n, self.g = f"agent {agent.id}", agent.order, claim.g
@@ -100,7 +109,7 @@ class _Recipe:
         self.eta = _block(w.P2, C * w.weight_eta)
         self.y = self.facts.optimum + symmetric(self.envelope.peak)
         chain = [self.g**k * x for k, x in enumerate(self.x_hat)]
-        pull = -self.g ** (self.n - 1) * total(c * x for c, x in zip(claim.gamma, self.x_hat, strict=True))
+        pull = -(self.g ** (self.n - 1)) * total(c * x for c, x in zip(claim.gamma, self.x_hat, strict=True))
         z = [a + b for a, b in zip(self.z_bar, self.z_star, strict=True)]
         self.full = self.at(z, [*chain, symmetric(self.theta_max) + pull])
         self.slice = self.at(z, [*chain, pull])
@@ -134,15 +143,22 @@ class _Recipe:
             for (i, j), high in zip(free, ends, strict=True):
                 J[i][j] = rows[i][j].hi if high else J[i][j]
             VJ = linear.product(self.witness.V0, J)
-            left = linear.combine(-1, linear.combine(1, VJ, 1, linear.transpose(VJ)),
-                                  -self.witness.a0, linear.identity(self.nz))
+            left = linear.combine(
+                -1, linear.combine(1, VJ, 1, linear.transpose(VJ)), -self.witness.a0, linear.identity(self.nz)
+            )
             if not linear.is_nonnegative(left):
                 raise Undecided(f"J = {show(J)}, a0 = {show(self.witness.a0)}")
         return ZERO
 
-    def largest_norm(self, nodes: Sequence[Node], box: Mapping[str, Interval], wanted: Sequence[str],
-                 combine: Callable[[Mapping[str, Interval]], list[Interval]]) -> Interval:
+    def largest_norm(
+        self,
+        nodes: Sequence[Node],
+        box: Mapping[str, Interval],
+        wanted: Sequence[str],
+        combine: Callable[[Mapping[str, Interval]], list[Interval]],
+    ) -> Interval:
         """The largest Euclidean norm on the box of what ``combine`` makes of the gradients in the wanted names."""
+
         def size(piece: Mapping[str, Interval]) -> Interval:
             return norm(entry for node in nodes for entry in combine(gradient(node, piece, wanted)))
 
@@ -173,8 +189,11 @@ class _Recipe:
         self.a_x = g - 2 - couple * f0_full**2 - loss(through_eta * F_x**2, 2 * F_x**2)
         self.a_eta = enclose(1 / (2 * w.weight_eta)) - 2 * b_max**2 * psi**2 / w.weight_theta
         p1 = enclose(linear.row_sum_bound(w.P1) ** 2)
-        self.a_theta = (b_min * K - 1) / w.weight_theta - (p1 if n > 1 else couple * f0_full**2) - loss(
-            12 * (P2MN + P2N * F_theta) ** 2 / b_min**2, 2 * (F_theta + psi_N) ** 2)
+        self.a_theta = (
+            (b_min * K - 1) / w.weight_theta
+            - (p1 if n > 1 else couple * f0_full**2)
+            - loss(12 * (P2MN + P2N * F_theta) ** 2 / b_min**2, 2 * (F_theta + psi_N) ** 2)
+        )
         for name in self.blocks():
             self.require(getattr(self, name) > 0, f"{name} > 0", value=getattr(self, name))
 
@@ -198,12 +217,16 @@ class _Recipe:
     def chain_slope(self, box: Mapping[str, Interval], inner: bool) -> Interval:
         """``⌈‖(g^(k−1) ∂_k f1 − g^(n−1) γ_k ∂_n f1)_(k<n)‖⌉``; ``inner`` adds that of ``Σ g^(n−k) γ_k x̄_(k+1)``."""
         n, g, gamma = self.n, self.g, self.claim.gamma
-        share = [(g**n * gamma[k - 1] if k else 0) - g**n * gamma[-1] * gamma[k] if inner else Fraction(0)
-                 for k in range(n - 1)]
+        share = [
+            (g**n * gamma[k - 1] if k else 0) - g**n * gamma[-1] * gamma[k] if inner else Fraction(0)
+            for k in range(n - 1)
+        ]
 
         def entries(partials: Mapping[str, Interval]) -> list[Interval]:
-            return [g**k * partials[f"x{k + 1}"] - g ** (n - 1) * gamma[k] * partials[f"x{n}"] + share[k]
-                    for k in range(n - 1)]
+            return [
+                g**k * partials[f"x{k + 1}"] - g ** (n - 1) * gamma[k] * partials[f"x{n}"] + share[k]
+                for k in range(n - 1)
+            ]
 
         return self.largest_norm([self.agent.f], box, self.agent.chain, entries)
 
@@ -219,8 +242,12 @@ class _Recipe:
         tau = known.tau(self.facts.v_at_start, self.cuts)
         T_tau = [total(t * entry for t, entry in zip(row, tau, strict=True)) for row in known.T]
         eta = [between(*self.agent.eta_box) - x - N * theta / known.b for x, N in zip(T_tau, claim.N, strict=True)]
-        return (quadratic_bound(w.V0, z_bar) + quadratic_bound(w.P1, x_hat) + quadratic_bound(w.P2, eta) / w.weight_eta
-                + theta**2 / (2 * w.weight_theta)).upper
+        return (
+            quadratic_bound(w.V0, z_bar)
+            + quadratic_bound(w.P1, x_hat)
+            + quadratic_bound(w.P2, eta) / w.weight_eta
+            + theta**2 / (2 * w.weight_theta)
+        ).upper
 
     def output_feedback(self) -> None:
         """Section 4: the saturation level, the first phase (h1, h2) and the second (h3)."""
@@ -229,16 +256,27 @@ class _Recipe:
         E2 = [(g / h) ** (n - k) * c for k, c in enumerate((*claim.gamma, Fraction(1)), 1)]
         inverse = linear.inverse(w.P3)
         reach = enclose(slack / 2 * linear.dot(E2, linear.apply(inverse, E2))).sqrt()
-        self.require(K * (self.theta_max + reach) <= delta, "δ ≥ K (ϑ_max + √(½ ϵ E2 P3⁻¹ E2ᵀ))",
-                     theta_max=self.theta_max, reach=reach, delta=delta)
+        self.require(
+            K * (self.theta_max + reach) <= delta,
+            "δ ≥ K (ϑ_max + √(½ ϵ E2 P3⁻¹ E2ᵀ))",
+            theta_max=self.theta_max,
+            reach=reach,
+            delta=delta,
+        )
 
         F_z = self.slope([self.agent.f], self.full, self.agent.zero_states)
         F_x = self.chain_slope(self.full, inner=False)
         F_n = self.slope([self.agent.f], self.full, [f"x{n}"])
         p3 = norm(enclose(row[-1]) for row in w.P3)
         lambda_M = linear.row_sum_bound(w.P3)
-        X2 = (F_z * norm(self.z_bar) + F_x * norm(self.x_hat) + F_n * self.theta_max + self.f_y * self.envelope.peak
-              + b_max * (delta + psi * norm(self.eta)) + self.psi_N * self.theta_max)
+        X2 = (
+            F_z * norm(self.z_bar)
+            + F_x * norm(self.x_hat)
+            + F_n * self.theta_max
+            + self.f_y * self.envelope.peak
+            + b_max * (delta + psi * norm(self.eta))
+            + self.psi_N * self.theta_max
+        )
         self.require(4 * lambda_M * p3**2 * X2**2 / h**2 <= slack / 4, "h1: 4 λ_M p3² X2²/h² ≤ ϵ/4", X2=X2.upper, h=h)
 
         delta_1 = b_max / w.weight_theta * self.theta_max * (delta + K * self.theta_max)
@@ -252,7 +290,8 @@ class _Recipe:
             "a_z": self.a_z - beta * F_z**2,
             "a_x": self.a_x - beta * F_x**2,
             "a_eta": self.a_eta - beta * b_max**2 * psi**2,
-            "a_theta": self.a_theta / 2 - beta * (F_n + b_max * K + self.psi_N) ** 2}
+            "a_theta": self.a_theta / 2 - beta * (F_n + b_max * K + self.psi_N) ** 2,
+        }
         for name in self.blocks():
             self.require(margins[name] > 0, f"h3: {name} exceeds what ẋ_n costs", left=margins[name])
         size = norm(map(enclose, E2))

@@ -59,7 +59,8 @@ def prove(plant: Plant, certificate: Certificate) -> Facts:
     witnesses: Sequence[AgentWitness | DirectAgentWitness] = certificate.witness.agents
     agents = tuple(
         _AgentProof(plant, agent, claim, witness, (lo, hi), v).prove()
-        for agent, claim, witness in zip(plant.agents, certificate.claim.agents, witnesses, strict=True))
+        for agent, claim, witness in zip(plant.agents, certificate.claim.agents, witnesses, strict=True)
+    )
     v_at_start = {name: between(*box) for name, box in plant.exosystem.items()}
     return Facts(r, costs, between(lo, hi), slopes, v, v_at_start, agents)
 
@@ -108,8 +109,15 @@ def _exosystem(plant: Plant, certificate: Certificate) -> dict[str, Interval]:
 class _AgentProof:
     """A0, A3, A5 of one agent, as identities between rational functions of ``s, v, w``."""
 
-    def __init__(self, plant: Plant, agent: Agent, claim: AgentClaim, witness: AgentWitness | DirectAgentWitness,
-                 optimum: tuple[Fraction, Fraction], v: Mapping[str, Interval]) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        agent: Agent,
+        claim: AgentClaim,
+        witness: AgentWitness | DirectAgentWitness,
+        optimum: tuple[Fraction, Fraction],
+        v: Mapping[str, Interval],
+    ) -> None:
         self.agent, self.claim, self.witness, self.v = agent, claim, witness, v
         self.point = optimum[0] if optimum[0] == optimum[1] else None
         self.optimum = between(*optimum)
@@ -118,8 +126,10 @@ class _AgentProof:
         self.algebra = Algebra()
         self.symbols = {name: variable(name) for name in ("s", *v, *self.w)}
         states = [self.symbols[name] for name in v]
-        self.exosystem = {name: sum((x * constant(entry) for x, entry in zip(states, row, strict=True)), ZERO)
-                          for name, row in zip(v, plant.S or [], strict=True)}
+        self.exosystem = {
+            name: sum((x * constant(entry) for x, entry in zip(states, row, strict=True)), ZERO)
+            for name, row in zip(v, plant.S or [], strict=True)
+        }
         self.nodes = [parse(text, {name: Name(name) for name in self.symbols}) for text in witness.steady_state]
 
     def prove(self) -> AgentFacts:
@@ -200,6 +210,9 @@ class _AgentProof:
         phi = [*linear.identity(s)[1:], list(ell)]
         gamma = linear.identity(s)[0]
         residual = linear.combine(1, linear.product(T, phi), -1, linear.product(M, T))
-        require(residual == [[n * entry for entry in gamma] for n in N], f"{self.name}: A5: TΦ − MT = NΓ, Ψ = ΓT⁻¹",
-                residual=residual)
+        require(
+            residual == [[n * entry for entry in gamma] for n in N],
+            f"{self.name}: A5: TΦ − MT = NΓ, Ψ = ΓT⁻¹",
+            residual=residual,
+        )
         return T

@@ -116,14 +116,19 @@ class _Coordinator:
         self.at_end = mixing
         self.xi_min = [min(mixing.low_later(i), *(step.low[i] for step in self.mixing)) for i in range(n)]
         require(min(self.xi_min) > 0, "mixing: ξ_min > 0", xi_min=[Fraction(low, UNIT) for low in self.xi_min])
-        self.damping = [(_short(cost.least, floor), _short(cost.largest * UNIT / low, ceil))
-                        for cost, low in zip(self.facts.costs, self.xi_min, strict=True)]
+        self.damping = [
+            (_short(cost.least, floor), _short(cost.largest * UNIT / low, ceil))
+            for cost, low in zip(self.facts.costs, self.xi_min, strict=True)
+        ]
 
     def system(self, damping: Sequence[Fraction]) -> Matrix:
         """``A(D) = [[−α1 L − D, −α2 B], [α1 L_(1…N−1), 0]]``."""
         n = self.size
-        upper = [[-self.a1 * self.L[i][j] - (damping[i] if i == j else 0) for j in range(n)]
-                 + [-self.a2 * entry for entry in self.B[i]] for i in range(n)]
+        upper = [
+            [-self.a1 * self.L[i][j] - (damping[i] if i == j else 0) for j in range(n)]
+            + [-self.a2 * entry for entry in self.B[i]]
+            for i in range(n)
+        ]
         return upper + [[self.a1 * entry for entry in row] + [Fraction(0)] * (n - 1) for row in self.L[:-1]]
 
     def lyapunov_inequality(self) -> None:
@@ -134,8 +139,11 @@ class _Coordinator:
         PA = linear.product(self.P, self.system([(lo + hi) / 2 for lo, hi in self.damping]))
         PG = [[row[j] * (hi - lo) / 2 for j, (lo, hi) in enumerate(self.damping)] for row in self.P]
         AP = linear.combine(1, PA, 1, linear.transpose(PA))
-        rows = [[-AP[i][j] - 2 * self.rate * self.P[i][j] - (m[i] if i == j < n else 0) for j in range(size)]
-                + [-entry for entry in PG[i]] for i in range(size)]
+        rows = [
+            [-AP[i][j] - 2 * self.rate * self.P[i][j] - (m[i] if i == j < n else 0) for j in range(size)]
+            + [-entry for entry in PG[i]]
+            for i in range(size)
+        ]
         rows += [[-row[j] for row in PG] + [m[j] * (i == j) for i in range(n)] for j in range(n)]
         require(linear.is_nonnegative(rows), "coordinator: Lyapunov inequality", damping=self.damping, rate=self.rate)
 
@@ -148,8 +156,10 @@ class _Coordinator:
         kappa, nu = [[fixed_up(entry) for entry in entries] for entries in (self.kappa, self.nu)]
         decay = enclose(-self.rate * self.step).exp()
         factors = fixed_down(decay), fixed_up(decay)
-        consensus, feedback = ([[a * self.step * entry for entry in row] for row in matrix]
-                               for a, matrix in ((self.a1, self.L), (self.a2, self.B)))
+        consensus, feedback = (
+            [[a * self.step * entry for entry in row] for row in matrix]
+            for a, matrix in ((self.a1, self.L), (self.a2, self.B))
+        )
         stepper = Stepper(self.facts.costs, consensus, feedback, self.step)
         reached = [list[Reached]() for _ in range(self.size)]
         y, omega = [floor((lo + hi) / 2 * UNIT) for lo, hi in self.boxes], [0] * (self.size - 1)
@@ -182,8 +192,9 @@ class _Coordinator:
         mean_distance = root_mean_square([y[0] - lowest, *y[1:]]) + highest - lowest + spread
         return Reached(step, mean_distance, root_mean_square(rate) + drift)
 
-    def tail(self, w: Interval, y: list[int], omega: list[int], reached: list[list[Reached]]
-             ) -> tuple[AgentEnvelope, ...]:
+    def tail(
+        self, w: Interval, y: list[int], omega: list[int], reached: list[list[Reached]]
+    ) -> tuple[AgentEnvelope, ...]:
         """From ``T0`` on around the equilibrium: ``‖x‖_P ≤ M1 e^(−λ'(t−T0))``."""
         r, slopes, rate = self.r, self.facts.optimal_slopes, min(self.rate, self.mixing_rate) / 2
         forcing = []
@@ -201,8 +212,10 @@ class _Coordinator:
             distance, speed = kappa * M1, nu * M1 + p
             steps = [entry.step for entry in found]
             reference = Reference(self.facts.optimum, self.step, steps, distance.upper, speed.upper, rate)
-            squares, speeds = (self.step * Interval(n, n, -2 * SCALE) for n in (
-                sum(entry.mean_distance**2 for entry in found), sum(entry.mean_speed**2 for entry in found)))
+            squares, speeds = (
+                self.step * Interval(n, n, -2 * SCALE)
+                for n in (sum(entry.mean_distance**2 for entry in found), sum(entry.mean_speed**2 for entry in found))
+            )
             energy, speed_energy = squares + distance**2 / (2 * rate), speeds + speed**2 / (2 * rate)
             peak = maximum(point(max(step.distance for step in steps)), distance)
             result.append(AgentEnvelope(peak, energy.upper, speed_energy.upper, reference))

@@ -53,8 +53,13 @@ class Simplified:
         for _ in range(3):
             self.orders.append([self.algebra.derivative(term, "s") for term in self.orders[-1]])
 
-    def at(self, order: int, s: Any, number: Callable[[Any], Any] = enclose,
-           call: Callable[[str, Any], Any] = functions.call) -> Any:
+    def at(
+        self,
+        order: int,
+        s: Any,
+        number: Callable[[Any], Any] = enclose,
+        call: Callable[[str, Any], Any] = functions.call,
+    ) -> Any:
         parts = [self.algebra.enclosure(term, {"s": s}, number, call) for term in self.orders[order]]
         return sum(parts[1:], parts[0])
 
@@ -80,8 +85,13 @@ class Written:
     def __init__(self, cost: Node) -> None:
         self.cost = cost
 
-    def at(self, order: int, s: Any, number: Callable[[Any], Any] = enclose,
-           call: Callable[[str, Any], Any] = functions.call) -> Any:
+    def at(
+        self,
+        order: int,
+        s: Any,
+        number: Callable[[Any], Any] = enclose,
+        call: Callable[[str, Any], Any] = functions.call,
+    ) -> Any:
         return jet(self.cost, s, order, number, call)[order]
 
     def curvature_and_slope(self, s: Interval) -> tuple[Interval, Interval]:

@@ -44,8 +44,17 @@ class Rates:
 class FirstPhase:
     """Of one agent, from its initial box to ``T1``."""
 
-    def __init__(self, name: str, agent: Agent, claim: AgentClaim, witness: DirectAgentWitness, known: AgentFacts,
-                 outside: Outside, increments: Increments, tabulate: Callable[[Row], Table]) -> None:
+    def __init__(
+        self,
+        name: str,
+        agent: Agent,
+        claim: AgentClaim,
+        witness: DirectAgentWitness,
+        known: AgentFacts,
+        outside: Outside,
+        increments: Increments,
+        tabulate: Callable[[Row], Table],
+    ) -> None:
         self.name, self.agent, self.claim, self.known = name, agent, claim, known
         self.phase, self.nominal_b = witness.phase1, witness.nominal.b
         self.outside, self.increments = outside, increments
@@ -56,8 +65,9 @@ class FirstPhase:
         shift = [*[Fraction(0)] * (self.nz + 1), *self.theta[:-1]]
         self.by_theta = [a + b for a, b in zip(self.by_last, shift, strict=True)]
         self.MN = linear.apply(claim.M, claim.N)
-        self.observer = (Observer(claim.h, tabulate(claim.observer), self.error_at_start())
-                         if claim.h and self.phase.boxes else None)
+        self.observer = (
+            Observer(claim.h, tabulate(claim.observer), self.error_at_start()) if claim.h and self.phase.boxes else None
+        )
 
     def shift(self, of_last: Fraction) -> list[Interval]:
         return [*self.unshifted[1:], enclose(of_last)]
@@ -82,8 +92,9 @@ class FirstPhase:
         x[0] = x[0] - between(*agent.reference_box)
         tau, last = known.tau(v, CUTS), x[-1].magnitude
         eta = [between(*agent.eta_box) - total(t * u for t, u in zip(row, tau, strict=True)) for row in known.T]
-        zeta = [(entry.magnitude + abs(N) * last / self.b.lower).upper
-                for entry, N in zip(eta, self.claim.N, strict=True)]
+        zeta = [
+            (entry.magnitude + abs(N) * last / self.b.lower).upper for entry, N in zip(eta, self.claim.N, strict=True)
+        ]
         sizes = [entry.magnitude for entry in x]
         return Sizes([entry.magnitude for entry in z], sizes, self.weighed(self.theta, sizes), zeta)
 
@@ -106,15 +117,23 @@ class FirstPhase:
         fastest, error, push = self.input(start, B, fastest, rates)
         pull = self.pull(min(X.theta, theta) - error)
         grown = length * (rates.theta - pull)
-        require(bool(theta - X.theta >= grown), f"{name}: ϑ^+ − ϑ ≥ Δ (P − b sat(K (ϑ − ε)))", change=theta - X.theta,
-                needed=grown)
+        require(
+            bool(theta - X.theta >= grown),
+            f"{name}: ϑ^+ − ϑ ≥ Δ (P − b sat(K (ϑ − ε)))",
+            change=theta - X.theta,
+            needed=grown,
+        )
 
         z, zeta = _after(X.z, length, rates.z), _after(X.zeta, length, rates.zeta)
         x = self.chain_after(X, B, length, around.speed)
         last = (X.x[-1] + length * (rates.last + self.b.upper * push)).upper
         during = min(last, (B.theta + self.weighed(self.theta[:-1], B.x[:-1])).upper)
-        for what, box, needed in (("B_z ≥ z^+", B.z, z), ("B_x ≥ x^+", B.x, [*x, during]),
-                                  ("B_ϑ ≥ ϑ, ϑ^+", [B.theta], [max(X.theta, theta)]), ("B_ζ ≥ ζ^+", B.zeta, zeta)):
+        for what, box, needed in (
+            ("B_z ≥ z^+", B.z, z),
+            ("B_x ≥ x^+", B.x, [*x, during]),
+            ("B_ϑ ≥ ϑ, ϑ^+", [B.theta], [max(X.theta, theta)]),
+            ("B_ζ ≥ ζ^+", B.zeta, zeta),
+        ):
             for i, (size, least) in enumerate(zip(box, needed, strict=True), 1):
                 require(bool(least <= size), f"{name}: {what}", i=i, box=size, needed=least)
         return Sizes(z, [*x, min(last, (theta + self.weighed(self.theta[:-1], x)).upper)], theta, zeta), fastest
@@ -138,9 +157,12 @@ class FirstPhase:
         for row, N, MN in zip(claim.M, claim.N, self.MN, strict=True):
             part = bound([N * slope for slope in f1], self.shift(-MN)) + abs(N) * speed
             zeta.append((self.weighed([abs(entry) for entry in row], B.zeta) + part / self.b.lower).upper)
-        return Rates([bound(row, self.unshifted[: len(row)]) for row in slopes.f0],
-                     (bound(f1, self.by_last) + model + speed).upper,
-                     (bound(f1, self.by_theta) + model + self.theta[0] * around.speed).upper, zeta)
+        return Rates(
+            [bound(row, self.unshifted[: len(row)]) for row in slopes.f0],
+            (bound(f1, self.by_last) + model + speed).upper,
+            (bound(f1, self.by_theta) + model + self.theta[0] * around.speed).upper,
+            zeta,
+        )
 
     def input(self, start: Fraction, B: Sizes, fastest: Interval, rates: Rates) -> tuple[Interval, Interval, Interval]:
         """``X2^+``, ``ε`` and ``u``: ``|ẋ_n| ≤ X2^+`` up to the end, ``|E2 e| ≤ ε`` and ``|ū| ≤ u`` on the step."""

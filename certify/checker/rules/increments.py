@@ -32,8 +32,9 @@ class Increments:
         self.f0 = [Path(f0, [*agent.zero_states, "x1"]) for f0 in agent.zero_dynamics]
         self.f1 = Path(agent.f, [*agent.zero_states, *agent.chain])
 
-    def on_step(self, step: int, length: Fraction, around: Surroundings, z_bar: Sequence[Interval],
-                x_bar: Sequence[Interval]) -> Slopes:
+    def on_step(
+        self, step: int, length: Fraction, around: Surroundings, z_bar: Sequence[Interval], x_bar: Sequence[Interval]
+    ) -> Slopes:
         """On a step of one of the phases, counted from 0, whose ranges of ``z`` are proved as well."""
         moved = self.box(around, z_bar, x_bar, self.ranges.during(step))
         self.ranges.prove(step, length, moved)
@@ -42,8 +43,13 @@ class Increments:
     def in_tail(self, around: Surroundings, z_bar: Sequence[Interval], x_bar: Sequence[Interval]) -> Slopes:
         return self.slopes(around, self.box(around, z_bar, x_bar, None))
 
-    def box(self, around: Surroundings, z_bar: Sequence[Interval], x_bar: Sequence[Interval],
-            ranges: Sequence[Interval] | None) -> dict[str, Interval]:
+    def box(
+        self,
+        around: Surroundings,
+        z_bar: Sequence[Interval],
+        x_bar: Sequence[Interval],
+        ranges: Sequence[Interval] | None,
+    ) -> dict[str, Interval]:
         """``v, w, z, x`` with ``|z − z*| ≤ z_bar``, ``|x − (y^r, 0 … 0)| ≤ x_bar`` and ``z`` in the ranges."""
         z = [steady + symmetric(size) for steady, size in zip(around.steady_state, z_bar, strict=True)]
         if ranges is not None:
@@ -58,8 +64,13 @@ class Increments:
         return Slopes([path.slopes(still, moved) for path in self.f0], self.f1.slopes(still, moved))
 
 
-def increment(slopes: Sequence[Interval], shift: Sequence[Interval], z_bar: Sequence[Interval],
-              x_bar: Sequence[Interval], distance: Interval) -> Interval:
+def increment(
+    slopes: Sequence[Interval],
+    shift: Sequence[Interval],
+    z_bar: Sequence[Interval],
+    x_bar: Sequence[Interval],
+    distance: Interval,
+) -> Interval:
     """A point above ``|Σ_k (D_k + shift_k) (z̄, x̄)_k + D_1 (y^r − s*)|``, as many ``x̄`` as there are slopes."""
     sizes = [*z_bar, *x_bar][: len(slopes)]
     rest = total((slope + by).magnitude * size for slope, by, size in zip(slopes, shift, sizes, strict=True))

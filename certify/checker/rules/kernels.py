@@ -73,8 +73,13 @@ class _Kernels:
         turns = ((interval(-mode.real).lo, interval(mode.turn).magnitude.hi) for mode in self.modes)
         self.turning = [(decay, turn) for decay, turn in turns if turn > 4 * decay]
         gap = self.slowest - self.epsilon - self.rates[0]
-        require(bool(gap > 0), f"{name}: kernels: μ_1 < σ − ε", rate=witness.rates[0], decay=shown(self.slowest),
-                epsilon=shown(self.epsilon))
+        require(
+            bool(gap > 0),
+            f"{name}: kernels: μ_1 < σ − ε",
+            rate=witness.rates[0],
+            decay=shown(self.slowest),
+            epsilon=shown(self.epsilon),
+        )
         self.pairs = [(i, j) for i in range(len(self.C)) for j in range(len(self.J))]
         self.c = [[ball(entry) for entry in witness.kernels[i][j]] for i, j in self.pairs]
         self.rest = [_norm(self.C[i]) * _norm(self.J[j]) * self.epsilon / gap for i, j in self.pairs]
@@ -88,8 +93,12 @@ class _Kernels:
         for row in range(0, len(self.pairs), CHUNK):
             part = slice(row, row + CHUNK)
             weights = zip(self.c[part], self.products[part], self.rest[part], strict=True)
-            margin = arb_mat([[*map(_positive, c), *map(_negative, c), *[-entry for entry in sizes], -rest]
-                              for c, sizes, rest in weights])
+            margin = arb_mat(
+                [
+                    [*map(_positive, c), *map(_negative, c), *[-entry for entry in sizes], -rest]
+                    for c, sizes, rest in weights
+                ]
+            )
             for start in range(0, len(cells), CHUNK):
                 self.check_cells(row, cells[start : start + CHUNK], arb_mat(values[part]), margin)
         self.check_tail(cells[-1][1])
@@ -132,8 +141,10 @@ class _Kernels:
             bends = [d**2 / 2 * mode.square * (mode.real * ball(start)).exp() for mode in self.modes]
             for step, above in ((-d, at_start), (d, at_end)):
                 lines.append([value + step * slope for value, slope in functions])
-                below = [middle * (1 - rate * step) if rate * d <= TANGENT else last
-                         for rate, middle, last in zip(self.rates, at_middle, at_end, strict=True)]
+                below = [
+                    middle * (1 - rate * step) if rate * d <= TANGENT else last
+                    for rate, middle, last in zip(self.rates, at_middle, at_end, strict=True)
+                ]
                 rooms.append([*below, *above, *bends, at_start[0]])
         k, room = (left * arb_mat(right).transpose() for left, right in ((values, lines), (margin, rooms)))
         for pair in range(k.nrows()):
@@ -153,9 +164,16 @@ class _Kernels:
 
     def reject(self, pair: int, cell: tuple[Fraction, Fraction | None], left: arb, right: arb) -> None:
         i, j = self.pairs[pair]
-        require(False, f"{self.name}: kernels: |(C e^(At) J)_ij| ≤ Σ_a c_ija e^(−μ_a t)", i=i + 1, j=j + 1,
-                from_t=_short(cell[0]), to_t="∞" if cell[1] is None else _short(cell[1]), left=shown(left),
-                right=shown(right))
+        require(
+            False,
+            f"{self.name}: kernels: |(C e^(At) J)_ij| ≤ Σ_a c_ija e^(−μ_a t)",
+            i=i + 1,
+            j=j + 1,
+            from_t=_short(cell[0]),
+            to_t="∞" if cell[1] is None else _short(cell[1]),
+            left=shown(left),
+            right=shown(right),
+        )
 
 
 def _positive(c: arb) -> arb:

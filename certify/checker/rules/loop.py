@@ -83,8 +83,12 @@ def build(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -> Loop:
         forced[e + n - 1] = Fraction(1)
     inputs = [*unit[:nz], forced, [-entry for entry in unit[x]]]
     by_theta = _plus(unit[x + n - 1], 1 / b, placed(eta, claim.N))
-    starts = [*unit[:nz], *(_plus(unit[x + k], -entry, by_theta) for k, entry in enumerate(theta(claim)[:-1])),
-              by_theta, *unit[eta:]]
+    starts = [
+        *unit[:nz],
+        *(_plus(unit[x + k], -entry, by_theta) for k, entry in enumerate(theta(claim)[:-1])),
+        by_theta,
+        *unit[eta:],
+    ]
     outputs = [*unit[: nz + n], steered, v]
     return Loop(nz, n, rows, linear.transpose(inputs), linear.transpose(starts), outputs)
 

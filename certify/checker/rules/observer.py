@@ -89,5 +89,9 @@ def _sizes(A: arb_mat) -> arb_mat:
 
 
 def _larger(A: arb_mat, B: arb_mat) -> arb_mat:
-    return arb_mat([[a.max(b) for a, b in zip(left, right, strict=True)]
-                    for left, right in zip(A.tolist(), B.tolist(), strict=True)])
+    return arb_mat(
+        [
+            [a.max(b) for a, b in zip(left, right, strict=True)]
+            for left, right in zip(A.tolist(), B.tolist(), strict=True)
+        ]
+    )

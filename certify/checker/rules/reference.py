@@ -63,8 +63,9 @@ class Reference:
 
 def _together(steps: Sequence[Step]) -> Range:
     y = hull(point(min(step.low for step in steps)), point(max(step.high for step in steps)))
-    return Range(y, *(point(max(sizes)).upper for sizes in (
-        [step.distance for step in steps], [step.speed for step in steps])))
+    return Range(
+        y, *(point(max(sizes)).upper for sizes in ([step.distance for step in steps], [step.speed for step in steps]))
+    )
 
 
 def _both(x: Interval, y: Interval) -> Interval:

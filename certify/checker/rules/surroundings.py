@@ -47,8 +47,14 @@ class Exosystem:
         energy = quadratic_bound(Q, list(at_start.values()))
         self.W = [[(energy * entry).magnitude for entry in row] for row in linear.inverse(Q)]
         sizes = [v.magnitude for v in forever.values()]
-        self.bend = [total(abs(entry) * size for entry, size in zip(row, sizes, strict=True)).upper
-                     for row in linear.product(self.S, self.S)] if self.S else []
+        self.bend = (
+            [
+                total(abs(entry) * size for entry, size in zip(row, sizes, strict=True)).upper
+                for row in linear.product(self.S, self.S)
+            ]
+            if self.S
+            else []
+        )
         self.at = lru_cache(maxsize=4)(self._at)
 
     def _at(self, t: Fraction) -> list[Interval]:
@@ -73,8 +79,9 @@ class Exosystem:
 class Outside:
     """The surroundings of one agent, as functions of time."""
 
-    def __init__(self, exosystem: Exosystem, reference: Reference, steady_state: Sequence[str],
-                 parameters: Mapping[str, Box]) -> None:
+    def __init__(
+        self, exosystem: Exosystem, reference: Reference, steady_state: Sequence[str], parameters: Mapping[str, Box]
+    ) -> None:
         self.exosystem, self.reference = exosystem, reference
         self.w = {name: between(*box) for name, box in parameters.items()}
         names = {name: Name(name) for name in ("s", *exosystem.forever, *self.w)}
@@ -102,8 +109,9 @@ class Outside:
         box = {"s": self.reference.optimum, **self.exosystem.forever, **piece}
         at_zero = _value(node, {**box, **dict.fromkeys(self.exosystem.forever, Interval(0, 0))})
         sizes = [entry.magnitude for entry in gradient(node, box, self.exosystem.forever).values()]
-        square = total(W * a * b for row, a in zip(self.exosystem.W, sizes, strict=True)
-                       for W, b in zip(row, sizes, strict=True))
+        square = total(
+            W * a * b for row, a in zip(self.exosystem.W, sizes, strict=True) for W, b in zip(row, sizes, strict=True)
+        )
         return common(_value(node, box), at_zero + symmetric(square.upper.sqrt()))
 
 

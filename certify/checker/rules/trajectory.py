@@ -94,8 +94,9 @@ class Stepper:
         low = fixed_down(gradient)
         return Slope(low, fixed_up(gradient) - low, floor(cost.curvature(point(y)).lo * (1 << SLOPE_BITS)))
 
-    def defect(self, cost: Cost, slope: Slope, y: list[int], rate: list[int], xi: list[int], error: int, xi_low: int
-               ) -> int:
+    def defect(
+        self, cost: Cost, slope: Slope, y: list[int], rate: list[int], xi: list[int], error: int, xi_low: int
+    ) -> int:
         """``|ρ|`` from ``−q Δ ξ ρ = q Δ (c'(y_0) + σd + (c'' − σ)d) + ξ·rate`` with ``d = ŷ − y_0``."""
         result = _product(xi, rate)
         result[0] += self.q_step * slope.value * UNIT

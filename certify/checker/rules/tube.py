@@ -23,8 +23,16 @@ ZERO, ONE = arb(0), arb(1)
 SUBSTEPS = 10
 
 
-def prove(name: str, loop: Loop, claim: AgentClaim, witness: DirectAgentWitness, b: Interval, outside: Outside,
-          increments: Increments, at_start: Sequence[Interval]) -> None:
+def prove(
+    name: str,
+    loop: Loop,
+    claim: AgentClaim,
+    witness: DirectAgentWitness,
+    b: Interval,
+    outside: Outside,
+    increments: Increments,
+    at_start: Sequence[Interval],
+) -> None:
     """From the magnitudes of ``Y`` at ``T1`` on, for ever. Raises ``Rejected``."""
     with precision(BITS):
         tube = _Tube(name, loop, claim, witness, b, increments, at_start)
@@ -34,8 +42,16 @@ def prove(name: str, loop: Loop, claim: AgentClaim, witness: DirectAgentWitness,
 
 
 class _Tube:
-    def __init__(self, name: str, loop: Loop, claim: AgentClaim, witness: DirectAgentWitness, b: Interval,
-                 increments: Increments, at_start: Sequence[Interval]) -> None:
+    def __init__(
+        self,
+        name: str,
+        loop: Loop,
+        claim: AgentClaim,
+        witness: DirectAgentWitness,
+        b: Interval,
+        increments: Increments,
+        at_start: Sequence[Interval],
+    ) -> None:
         self.name, self.loop, self.claim, self.witness, self.increments = name, loop, claim, witness, increments
         self.nominal_f0 = [[-enclose(slope) for slope in row] for row in witness.nominal.f0]
         self.nominal_f1 = [-enclose(slope) for slope in witness.nominal.f1]
@@ -49,8 +65,13 @@ class _Tube:
 
     def matrix(self, first: int, last: int) -> arb_mat:
         """The coefficients ``c_ija`` of some columns, one row per output and rate."""
-        return arb_mat([[ball(column[a]) for column in columns[first:last]]
-                        for columns in self.witness.kernels for a in range(len(self.rates))])
+        return arb_mat(
+            [
+                [ball(column[a]) for column in columns[first:last]]
+                for columns in self.witness.kernels
+                for a in range(len(self.rates))
+            ]
+        )
 
     def by_output(self, column: arb_mat) -> list[list[arb]]:
         """The entries of one output after those of the other, one per rate."""
@@ -65,8 +86,10 @@ class _Tube:
     def forcing(self, box: Sequence[Fraction], around: Surroundings, slopes: Slopes) -> list[list[arb]]:
         """``Σ_j c_ija q_j`` with the ``q_j`` of section 3 over the box."""
         z, x = self.sizes(box)
-        q = [increment(row, nominal, z, x, around.distance)
-             for row, nominal in zip(slopes.f0, self.nominal_f0, strict=True)]
+        q = [
+            increment(row, nominal, z, x, around.distance)
+            for row, nominal in zip(slopes.f0, self.nominal_f0, strict=True)
+        ]
         q.append((increment(slopes.f1, self.nominal_f1, z, x, around.distance) + self.surplus * box[-1]).upper)
         q.append(around.speed)
         return self.by_output(self.force * arb_mat([[above(entry)] for entry in q]))
@@ -89,8 +112,10 @@ class _Tube:
         for i, limit in enumerate(limits):
             highest = [sums[i, at].max(sums[i, at + 1]) + bends[i, at] for at in range(SUBSTEPS)]
             reached.append(sum(limit, ZERO) + reduce(arb.max, highest))
-        self.p = [[limit + entry * e for limit, entry, e in zip(*pair, left[-1], strict=True)]
-                  for pair in zip(limits, apart, strict=True)]
+        self.p = [
+            [limit + entry * e for limit, entry, e in zip(*pair, left[-1], strict=True)]
+            for pair in zip(limits, apart, strict=True)
+        ]
         self.inside(name, reached, box)
 
     def instants(self, duration: arb) -> tuple[list[list[arb]], list[list[arb]]]:
@@ -118,8 +143,14 @@ class _Tube:
         except Undecided as reason:
             raise Rejected(name, str(reason)) from None
         gaps = [own - ball(rate) for own in self.rates]
-        self.inside(name, [sum((size.max(ZERO) + phi / gap for size, phi, gap in zip(p, phis, gaps, strict=True)), ZERO)
-                           for p, phis in zip(self.p, forcing, strict=True)], box)
+        self.inside(
+            name,
+            [
+                sum((size.max(ZERO) + phi / gap for size, phi, gap in zip(p, phis, gaps, strict=True)), ZERO)
+                for p, phis in zip(self.p, forcing, strict=True)
+            ],
+            box,
+        )
 
     def inside(self, name: str, reached: Sequence[arb], box: Sequence[Fraction]) -> None:
         """Every output is within the box, and the saturation is not active in the box."""
@@ -127,5 +158,9 @@ class _Tube:
             if not size <= ball(limit):
                 require(False, f"{name}: Σ_a p_ia ≤ B_i", output=i, left=shown(size), box=limit)
         theta = box[self.loop.nz + self.loop.n]
-        require(self.claim.K * theta <= self.claim.delta, f"{name}: K B_ϑ ≤ δ", left=self.claim.K * theta,
-                delta=self.claim.delta)
+        require(
+            self.claim.K * theta <= self.claim.delta,
+            f"{name}: K B_ϑ ≤ δ",
+            left=self.claim.K * theta,
+            delta=self.claim.delta,
+        )

@@ -36,5 +36,9 @@ class ZeroRanges:
                 a, b = before[side], after[side]
                 face = {**box, name: between(min(a, b), max(a, b))}
                 speed, needed = sign * (b - a) / length, sign * evaluate(f0, face, enclose, functions.call)
-                require(bool(needed <= speed), f"{self.name}: ranges: step {step + 1}: R_{k}^{end} outruns z_{k}",
-                        speed=speed, needed=needed.upper)
+                require(
+                    bool(needed <= speed),
+                    f"{self.name}: ranges: step {step + 1}: R_{k}^{end} outruns z_{k}",
+                    speed=speed,
+                    needed=needed.upper,
+                )
