@@ -46,7 +46,7 @@ class Case:
         gains = RequestedGains(*map(Fraction, self.gains))
         laws = [requested_controller(derived, gains) for derived in derive(plant, COST_VARIABLE).agents]
         found = tuple(law for law in laws if law is not None)
-        return plant, Controller(plant.alpha1 or ALPHA, plant.alpha2 or ALPHA, found)
+        return plant, Controller(plant.coordinator.alpha1 or ALPHA, plant.coordinator.alpha2 or ALPHA, found)
 
 
 CASES = (

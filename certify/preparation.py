@@ -20,6 +20,7 @@ from certify.gains.requested import requested_controller
 from certify.internal_trajectory import internal_model_data
 from certify.optimum import NoOptimumError, Optimum, optimum
 from certify.results import AgentResult, Status
+from certify.unproved import unproved_feature
 from symbolic.derivation import AgentDerivation, Derivation, derive, derive_agent
 from symbolic.internal_model import InternalModel
 from symbolic.plant import COST_VARIABLE, Agent, Interval, Plant
@@ -73,7 +74,7 @@ def prepare(
         found = optimum(plant)
     except NoOptimumError as error:
         return Stopped("inconclusive", str(error))
-    refusal = foreseen_refusal(plant)
+    refusal = unproved_feature(plant) or foreseen_refusal(plant)
     if refusal:
         return Stopped("inconclusive", refusal)
     found = seen_optimum(plant, found)
@@ -145,7 +146,7 @@ def _necessary(
     """The exact linear condition on requested gains, agent by agent; empty when ``K`` and ``h`` are not both fixed."""
     results = []
     for derived in derivation.agents:
-        controller = requested_controller(derived, plant.gains)
+        controller = requested_controller(derived, plant.gains_of(derived.id))
         if controller is None:
             continue
         assert isinstance(derived.steady_state, SteadyState)

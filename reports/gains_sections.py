@@ -13,6 +13,7 @@ from reports.numbers import fraction
 from reports.study import Study
 from reports.tube_view import Tube
 from reports.typst_math import number
+from symbolic.plant import RequestedGains
 
 if TYPE_CHECKING:
     from certify.pipeline import AgentResult, GainsResult
@@ -36,10 +37,9 @@ def gains_section(study: Study, certified: CertifiedGains | None) -> dict[str, A
         return None
     if not entries:
         return None
-    requested = study.plant.gains
     return {
         "shared": [f"alpha_{k} = {number(value)}" for k, value in enumerate(alphas, start=1) if value is not None],
-        "requested": any(value is not None for value in (requested.g, requested.K, requested.delta, requested.h)),
+        "requested": any(gains != RequestedGains() for gains in study.plant.gains),
         "table": tables.gains_table(entries),
         "designs": [cells.text(line, 2000) for line in _designs(study)],
     }

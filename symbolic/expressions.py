@@ -16,15 +16,17 @@ import sympy
 from flint import arb
 
 from symbolic.constants import FUNCTION_BALLS, LARGEST, as_fraction, as_rational, enclose
-from symbolic.errors import Where, nearest, quoted
-from symbolic.grammar import Call, ExpressionError, Name, Negative, Node, Number, Power, Product, Sum, parse
+from symbolic.errors import Where, nearest, quoted, shown
+from symbolic.grammar import CONSTANTS, Call, ExpressionError, Name, Negative, Node, Number, Power, Product, Sum, parse
 from symbolic.plant import symbol
-from symbolic.size import MAX_EXPONENT, MAX_ROOT_BITS, Size, size_of_power, size_of_product, size_of_sum
+from symbolic.rational_value import folded
+from symbolic.size import MAX_EXPONENT, MAX_ROOT, MAX_ROOT_BITS, Size, size_of_power, size_of_product, size_of_sum
 
 Names = Mapping[str, sympy.Expr] | Set[str]
 
 MAX_HEIGHT = 20  # of a constant; SymPy decides its sign in time that can double with every level
 
+_BUILT_IN = dict(zip(CONSTANTS, (sympy.pi,), strict=True))
 _FUNCTIONS = {f.__name__: f for f in FUNCTION_BALLS} | {"sqrt": sympy.sqrt}
 _ATOMS = (sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))
 _HEADS = (sympy.Add, sympy.Mul, sympy.Pow, *FUNCTION_BALLS)
@@ -41,6 +43,9 @@ def parse_expression(text: str, names: Names, *, where: Where, refused: Mapping[
     try:
         bindings = []
         for used in _names_of(text):
+            if used.name in _BUILT_IN:
+                bindings.append((used.name, _BUILT_IN[used.name]))
+                continue
             if used.name not in values:
                 raise ExpressionError((refused or {}).get(used.name) or _unknown(used.name, values), used.column)
             bindings.append((used.name, values[used.name]))
@@ -50,11 +55,16 @@ def parse_expression(text: str, names: Names, *, where: Where, refused: Mapping[
 
 
 def parse_constant(text: str, names: Mapping[str, sympy.Expr], *, where: Where) -> sympy.Expr:
-    """An exact, finite, real constant such as ``sqrt(2)/3`` in declared constants. Raises ``InputError``."""
+    """An exact, finite, real constant such as ``sqrt(2)/3`` in declared constants. Raises ``InputError``.
+
+    One that only SymPy knows to be rational, such as ``sqrt(2)^2``, is refused (``symbolic.rational_value``).
+    """
     expr = parse_expression(text, names, where=where)
     if expr.free_symbols:
         found = ", ".join(sorted(str(name) for name in expr.free_symbols))
         raise where.error(f"a constant is needed, {quoted(text)} depends on {found}")
+    if isinstance(expr, sympy.Rational) and _fraction_of(text, names) is None:
+        raise where.error(f"{quoted(text)} is the number {shown(as_fraction(expr))}; write it like that")
     return expr
 
 
@@ -75,6 +85,14 @@ class _Value:
     ball: arb | None
 
 
+def _fraction_of(text: str, names: Mapping[str, sympy.Expr]) -> Fraction | None:
+    return folded(parse(text), _fractions(names))
+
+
+def _fractions(names: Mapping[str, sympy.Expr]) -> dict[str, Fraction]:
+    return {name: as_fraction(value) for name, value in names.items() if isinstance(value, sympy.Rational)}
+
+
 @lru_cache(maxsize=4096)
 def _names_of(text: str) -> tuple[Name, ...]:
     return tuple(_walk(parse(text)))
@@ -82,7 +100,7 @@ def _names_of(text: str) -> tuple[Name, ...]:
 
 @lru_cache(maxsize=4096)
 def _evaluated(text: str, bindings: tuple[tuple[str, sympy.Expr], ...]) -> sympy.Expr:
-    return _build(parse(text), {name: _measured(expr) for name, expr in bindings}).expr
+    return _Builder(dict(bindings)).build(parse(text)).expr
 
 
 def _walk(node: Node) -> Iterator[Name]:
@@ -103,7 +121,7 @@ def _walk(node: Node) -> Iterator[Name]:
 
 
 def _unknown(name: str, values: Mapping[str, sympy.Expr]) -> str:
-    near = nearest(name, values)
+    near = nearest(name, [*values, *CONSTANTS])
     if near:
         return f"unknown name {quoted(name)}; did you mean {quoted(near)}?"
     known = ", ".join(sorted(values)[:20])
@@ -130,30 +148,51 @@ def _bits(number: sympy.Rational) -> int:
     return int(number.p).bit_length() + int(number.q).bit_length()
 
 
-def _build(node: Node, names: Mapping[str, _Value]) -> _Value:
-    match node:
-        case Number(value):
-            return _measured(as_rational(value))
-        case Name(name):
-            return names[name]
-        case Negative(argument):
-            built = _build(argument, names)
-            return _checked(-built.expr, built.size, node)
-        case Sum(terms):
-            parts = [_build(term, names) for term in terms]
-            size = _affordable(size_of_sum(part.size for part in parts), node)
-            return _checked(sympy.Add(*(part.expr for part in parts)), size, node)
-        case Product(factors):
-            parts = [
-                _power(_build(factor, names), -1, factor) if divides else _build(factor, names)
-                for factor, divides in factors
-            ]
-            size = _affordable(size_of_product(part.size for part in parts), node)
-            return _checked(sympy.Mul(*(part.expr for part in parts)), size, node)
-        case Power(base, exponent):
-            return _power(_build(base, names), _exponent(_build(exponent, names), exponent), node)
-        case Call(function, argument):
-            return _call(function, _build(argument, names), node)
+class _Builder:
+    """Builds trees in names that stand for symbols and constants."""
+
+    def __init__(self, names: Mapping[str, sympy.Expr]) -> None:
+        self.names = {name: _measured(expr) for name, expr in names.items()}
+        self.fractions = _fractions(names)
+
+    def build(self, node: Node) -> _Value:
+        match node:
+            case Number(value):
+                return _measured(as_rational(value))
+            case Name(name):
+                return self.names[name]
+            case Negative(argument):
+                built = self.build(argument)
+                return _checked(-built.expr, built.size, node)
+            case Sum(terms):
+                parts = [self.build(term) for term in terms]
+                size = _affordable(size_of_sum(part.size for part in parts), node)
+                return _checked(sympy.Add(*(part.expr for part in parts)), size, node)
+            case Product(factors):
+                parts = [
+                    _power(self.build(factor), Fraction(-1), factor) if divides else self.build(factor)
+                    for factor, divides in factors
+                ]
+                size = _affordable(size_of_product(part.size for part in parts), node)
+                return _checked(sympy.Mul(*(part.expr for part in parts)), size, node)
+            case Power(base, exponent):
+                return _power(self.build(base), self.exponent(exponent), node)
+            case Call(function, argument):
+                return _call(function, self.build(argument), node)
+
+    def exponent(self, node: Node) -> Fraction:
+        self.build(node)  # refuses what is no number before it is folded
+        value = folded(node, self.fractions)
+        if value is None:
+            raise ExpressionError(
+                "an exponent must be a rational constant such as 2 or 1/3 (a^p with another p is exp(p*log(a)))",
+                node.column,
+            )
+        if abs(value) > MAX_EXPONENT:
+            raise ExpressionError(f"an exponent must lie between -{MAX_EXPONENT} and {MAX_EXPONENT}", node.column)
+        if value.denominator > MAX_ROOT:
+            raise ExpressionError(f"the denominator of an exponent must be at most {MAX_ROOT}", node.column)
+        return value
 
 
 def _affordable(size: Size, node: Node) -> Size:
@@ -175,35 +214,42 @@ def _checked(expr: sympy.Expr, size: Size, node: Node) -> _Value:
     return _Value(expr, size, ball)
 
 
-def _exponent(value: _Value, node: Node) -> int:
-    if not isinstance(value.expr, sympy.Integer):
-        raise ExpressionError("an exponent must be a constant integer (write sqrt(...) for a square root)", node.column)
-    if abs(value.expr) > MAX_EXPONENT:
-        raise ExpressionError(f"an exponent must lie between -{MAX_EXPONENT} and {MAX_EXPONENT}", node.column)
-    return int(value.expr)
-
-
-def _power(base: _Value, exponent: int, node: Node) -> _Value:
+def _power(base: _Value, exponent: Fraction, node: Node) -> _Value:
     if exponent < 0 or (exponent == 0 and base.expr == 0):
         if base.expr == 0:
             raise ExpressionError("division by zero" if exponent < 0 else "0 to the power 0", node.column)
         if base.ball is not None and base.ball.contains(0):
             raise ExpressionError("division by a constant that is not shown to be nonzero", node.column)
-    size = _affordable(size_of_power(base.size, abs(exponent)), node)
-    return _checked(sympy.Pow(base.expr, exponent), size, node)
+    if exponent.denominator == 1:
+        size = _affordable(size_of_power(base.size, abs(exponent.numerator)), node)
+        return _checked(sympy.Pow(base.expr, exponent.numerator), size, node)
+    _reasonable_root(base, node)
+    result = _smooth(sympy.Pow(base.expr, as_rational(exponent)), "a power with this base", node)
+    root = Size(min(base.size.degree, 1), 1, base.size.bits)
+    return _checked(result, _affordable(size_of_power(root, abs(exponent.numerator)), node), node)
+
+
+def _reasonable_root(argument: _Value, node: Node) -> None:
+    if any(_bits(number) > MAX_ROOT_BITS for number in argument.expr.atoms(sympy.Rational)):
+        raise ExpressionError(f"sqrt of a number with more than {MAX_ROOT_BITS} bits", node.column)
+
+
+def _smooth(result: sympy.Expr, what: str, node: Node) -> sympy.Expr:
+    """What SymPy made of a function or root, if it is still in the language."""
+    for part in sympy.preorder_traversal(result):
+        if part in (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I):
+            raise ExpressionError(f"{what} is not a finite real number", node.column)
+        if part.func not in _HEADS and not isinstance(part, _ATOMS):
+            reason = f"{what} becomes {part.func.__name__}, not a smooth function of the language"
+            raise ExpressionError(reason, node.column)
+    return result
 
 
 def _call(function: str, argument: _Value, node: Node) -> _Value:
     if function == "exp" and argument.expr.has(sympy.log):
         raise ExpressionError("log inside exp; write the power instead", node.column)
-    if function == "sqrt" and any(_bits(number) > MAX_ROOT_BITS for number in argument.expr.atoms(sympy.Rational)):
-        raise ExpressionError(f"sqrt of a number with more than {MAX_ROOT_BITS} bits", node.column)
-    result = _FUNCTIONS[function](argument.expr)
-    for part in sympy.preorder_traversal(result):
-        if part in (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I):
-            raise ExpressionError(f"{function} of this argument is not a finite real number", node.column)
-        if part.func not in _HEADS and not isinstance(part, _ATOMS):
-            reason = f"{function} of this argument becomes {part.func.__name__}, not a smooth function of the language"
-            raise ExpressionError(reason, node.column)
+    if function == "sqrt":
+        _reasonable_root(argument, node)
+    result = _smooth(_FUNCTIONS[function](argument.expr), f"{function} of this argument", node)
     inner = argument.size
     return _checked(result, inner if function == "sqrt" else Size(min(inner.degree, 1), 1, inner.bits), node)

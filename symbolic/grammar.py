@@ -4,7 +4,7 @@
     product = unary (("*" | "/") unary)*
     unary   = ("+" | "-") unary | power
     power   = atom (("**" | "^") unary)?              right-associative, binds tighter than unary minus
-    atom    = number | name | function "(" sum ")" | "(" sum ")"
+    atom    = number | name | "pi" | function "(" sum ")" | "(" sum ")"
 
 Length, nesting and the number of nodes are bounded, so parsing takes bounded time and stack.
 """
@@ -18,6 +18,7 @@ from fractions import Fraction
 from symbolic.errors import quoted
 
 FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "atan", "sinh", "cosh")
+CONSTANTS = ("pi",)
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 24

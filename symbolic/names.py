@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import sympy
 
 from symbolic.errors import Where, quoted
-from symbolic.grammar import FUNCTIONS, NAME
+from symbolic.grammar import CONSTANTS, FUNCTIONS, NAME
 from symbolic.plant import COST_VARIABLE, symbol
 from symbolic.tables import Table, Value, constant, kind
 
@@ -66,6 +66,7 @@ class Scope:
             )
         roles = {
             "a function": FUNCTIONS,
+            "the number 3.14159...": CONSTANTS,
             "the cost variable": (str(COST_VARIABLE),),
             "the agent's number": ("id",),
             "an exosystem state": self.exosystem,

@@ -7,26 +7,26 @@ from fractions import Fraction
 
 import sympy
 
+from symbolic.interval import Interval
+from symbolic.requested import NOTHING_FIXED, CoordinatorChoice, Implementation, RequestedGains, Requirements, Settling
 
-@dataclass(frozen=True)
-class Interval:
-    """Closed interval with rational ends; a point has ``lo == hi``."""
-
-    lo: Fraction
-    hi: Fraction
-
-    def __post_init__(self) -> None:
-        if self.lo > self.hi:
-            raise ValueError(f"the interval [{self.lo}, {self.hi}] is empty")
-
-    @property
-    def is_point(self) -> bool:
-        return self.lo == self.hi
-
-    @property
-    def magnitude(self) -> Fraction:
-        """The largest absolute value in the interval."""
-        return max(abs(self.lo), abs(self.hi))
+__all__ = [
+    "COST_VARIABLE",
+    "Agent",
+    "CoordinatorChoice",
+    "Digraph",
+    "Edge",
+    "Exosystem",
+    "Implementation",
+    "InitialBox",
+    "InternalModelChoice",
+    "Interval",
+    "Plant",
+    "RequestedGains",
+    "Requirements",
+    "Settling",
+    "symbol",
+]
 
 
 @dataclass(frozen=True)
@@ -109,20 +109,12 @@ class Agent:
 
 
 @dataclass(frozen=True)
-class RequestedGains:
-    """What the user fixed in ``[gains]``; ``None`` is left to the search."""
-
-    g: Fraction | None = None
-    K: Fraction | None = None
-    delta: Fraction | None = None
-    h: Fraction | None = None
-
-
-@dataclass(frozen=True)
 class Plant:
     """One plant file. ``sha256`` is the digest of its bytes ``source``, which a certificate is bound to.
 
     ``source`` is empty for a plant that was not read from a file; nothing can be certified about that one.
+    ``gains``, ``requirements`` and ``implementations`` have one entry per agent, in order, or none at all if the file
+    asks for nothing of the kind; ``gains_of`` and its like answer for one agent in either case.
     """
 
     name: str
@@ -130,10 +122,28 @@ class Plant:
     exosystem: Exosystem
     agents: tuple[Agent, ...]
     sha256: str
-    alpha1: Fraction | None = None
-    alpha2: Fraction | None = None
-    gains: RequestedGains = RequestedGains()
+    coordinator: CoordinatorChoice = NOTHING_FIXED
+    gains: tuple[RequestedGains, ...] = ()
+    requirements: tuple[Requirements, ...] = ()
+    implementations: tuple[Implementation, ...] = ()
     source: bytes = field(default=b"", repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for entries in (self.gains, self.requirements, self.implementations):
+            if len(entries) not in (0, len(self.agents)):
+                raise ValueError("gains, requirements and implementations have one entry per agent, or none")
+
+    def gains_of(self, number: int) -> RequestedGains:
+        """What the user fixed of the gains of agent ``number`` (from 1)."""
+        return self.gains[number - 1] if self.gains else RequestedGains()
+
+    def requirements_of(self, number: int) -> Requirements:
+        """What is asked of agent ``number``."""
+        return self.requirements[number - 1] if self.requirements else Requirements()
+
+    def implementation_of(self, number: int) -> Implementation | None:
+        """How the controller of agent ``number`` is run; ``None`` in continuous time."""
+        return self.implementations[number - 1] if self.implementations else None
 
 
 def symbol(name: str) -> sympy.Symbol:

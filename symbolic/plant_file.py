@@ -12,7 +12,8 @@ import sympy
 from symbolic.agent_file import MAX_AGENTS, read_agents
 from symbolic.errors import InputError, Where, quoted, shown
 from symbolic.names import Scope
-from symbolic.plant import Digraph, Edge, Exosystem, Interval, Plant, RequestedGains, symbol
+from symbolic.plant import Digraph, Edge, Exosystem, Interval, Plant, symbol
+from symbolic.requested_file import read_requested
 from symbolic.tables import (
     MAX_FILE_BYTES,
     Table,
@@ -21,7 +22,6 @@ from symbolic.tables import (
     integer,
     interval,
     number,
-    positive,
     read_toml,
     string,
 )
@@ -31,7 +31,19 @@ MAX_EDGES = 100_000
 MAX_EXOSYSTEM = 16
 MAX_CONSTANTS = 1_000
 
-_KEYS = ("schema", "name", "network", "constants", "exosystem", "initial", "agent", "coordinator", "gains")
+_KEYS = (
+    "schema",
+    "name",
+    "network",
+    "constants",
+    "exosystem",
+    "initial",
+    "agent",
+    "coordinator",
+    "gains",
+    "requirements",
+    "implementation",
+)
 _EDGE = re.compile(r"\s*([0-9]{1,9})\s*->\s*([0-9]{1,9})\s*")
 
 
@@ -59,13 +71,7 @@ def parse_plant(data: bytes, source: str) -> Plant:
     scope = Scope().with_constants(root.table("constants"), most=MAX_CONSTANTS)
     exosystem, scope = _exosystem(root.table("exosystem", ("states", "S", "initial")), scope, "exosystem" in root)
     agents = read_agents(root, digraph.agents, scope)
-    coordinator = root.table("coordinator", ("alpha1", "alpha2"))
-    gains = root.table("gains", ("g", "K", "delta", "h"))
-    fixed = {
-        key: positive(value, table.at(key), scope.constants)
-        for table in (coordinator, gains)
-        for key, value in table.entries.items()
-    }
+    requested = read_requested(root, digraph.agents, scope.constants)
     return Plant(
         name=name,
         digraph=digraph,
@@ -73,9 +79,10 @@ def parse_plant(data: bytes, source: str) -> Plant:
         agents=agents,
         sha256=hashlib.sha256(data).hexdigest(),
         source=data,
-        alpha1=fixed.get("alpha1"),
-        alpha2=fixed.get("alpha2"),
-        gains=RequestedGains(*(fixed.get(key) for key in ("g", "K", "delta", "h"))),
+        coordinator=requested.coordinator,
+        gains=requested.gains,
+        requirements=requested.requirements,
+        implementations=requested.implementations,
     )
 
 

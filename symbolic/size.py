@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import comb, prod
 
 MAX_EXPONENT = 64
+MAX_ROOT = 64  # the denominator of an exponent
 MAX_DEGREE = 256
 MAX_TERMS = 50_000
 MAX_BITS = 10_000

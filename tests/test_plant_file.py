@@ -10,7 +10,7 @@ import pytest
 import sympy
 from plant_texts import BASE, LONE, changed, read
 
-from symbolic.plant import Edge, Interval, Plant, RequestedGains, symbol
+from symbolic.plant import CoordinatorChoice, Edge, Interval, Plant, RequestedGains, symbol
 
 
 def numbers(*rows: Iterable[Fraction]) -> list[list[Fraction]]:
@@ -43,7 +43,7 @@ def test_the_example_is_the_papers(five_agents: Plant) -> None:
     theta = sympy.Rational(4, 5)
     assert five_agents.exosystem.S.tolist() == [[0, theta], [-theta, 0]]
     assert five_agents.exosystem.initial == (Interval(Fraction(0), Fraction(0)), Interval(Fraction(1), Fraction(1)))
-    assert (five_agents.alpha1, five_agents.alpha2, five_agents.gains) == (None, None, RequestedGains())
+    assert (five_agents.coordinator, five_agents.gains) == (CoordinatorChoice(), ())
 
 
 def test_the_three_examples_differ_only_where_they_say(
@@ -62,8 +62,8 @@ def test_the_three_examples_differ_only_where_they_say(
         assert (box.initial.eta, box.initial.reference) == (unit, unit)
         assert box.initial.observer == (unit,) * plain.order
         assert plain.f == box.f
-    assert five_agents_published.gains == RequestedGains(K=Fraction(40000), h=Fraction(100))
-    assert five_agents_box.gains == RequestedGains()
+    assert five_agents_published.gains == (RequestedGains(K=Fraction(40000), h=Fraction(100)),) * 5
+    assert five_agents_box.gains == ()
 
 
 def test_everything_that_a_file_may_say() -> None:
@@ -82,8 +82,8 @@ def test_everything_that_a_file_may_say() -> None:
     assert second.gamma == (Fraction(1, 2),)
     assert numbers(second.observer or ()) == [[1, 2]]
     assert plant.exosystem.initial[1] == Interval(Fraction(1, 2), Fraction(1))
-    assert (plant.alpha1, plant.alpha2) == (Fraction(3), Fraction(3, 2))
-    assert plant.gains == RequestedGains(K=Fraction(40000), h=Fraction(100))
+    assert plant.coordinator == CoordinatorChoice(Fraction(3), Fraction(3, 2))
+    assert plant.gains_of(2) == RequestedGains(K=Fraction(40000), h=Fraction(100))
     assert plant.sha256 == hashlib.sha256(BASE.encode()).hexdigest()
 
 
@@ -114,7 +114,7 @@ def test_without_an_exosystem_there_are_no_states() -> None:
 )
 def test_numbers_are_read_as_they_are_written(written: str, value: Fraction) -> None:
     plant = read(changed("K = 40000", f"K = {written}"))
-    assert value == plant.gains.K
+    assert value == plant.gains_of(1).K
 
 
 def test_a_matrix_of_the_exosystem_may_be_irrational() -> None:

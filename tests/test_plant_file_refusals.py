@@ -104,7 +104,7 @@ REFUSED = [
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', '"x2 + s"', "agent[1].f: column 6: 's' may not appear here: f depends"),
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', '"x2 + u"', "agent[1].f: column 6: unknown name 'u'"),
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', "\"__import__('os').system('x')\"", "agent[1].f: column 1: unexpected character"),
-    ('"p2*z1*x1*x2 + k*x2 + A*v2"', '"x2**x1"', "agent[1].f: column 5: an exponent must be a constant integer"),
+    ('"p2*z1*x1*x2 + k*x2 + A*v2"', '"x2**x1"', "agent[1].f: column 5: an exponent must be a rational constant"),
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', "true", "agent[1].f: a number or a string with an expression is needed"),
     ('"1 + p2^2"', '"1 + x1^2"', "agent[1].b: column 5: 'x1' may not appear here: b depends on the parameters only"),
     ('"1 + p2^2"', '"1 + v1"', "agent[1].b: column 5: 'v1' may not appear here"),

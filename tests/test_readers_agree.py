@@ -102,6 +102,11 @@ ACCEPTED = [
     ("number for an expression", F, "0"),
     ("decimal is not binary", F, '"0.1*x1*p"'),
     ("longest integer", F, '"' + "9" * 1000 + '*p*x1"'),
+    ("square root as an exponent", F, '"(2 + p)^(1/2)*x1"'),
+    ("other rational exponents", F, '"(2 + p)^(-3/4)*x1 + (2 + p)^(5/3)*x1 + 8^(1/3)*x1"'),
+    ("decimal exponent", F, '"(2 + p)^1.5*x1"'),
+    ("pi", F, '"pi*p*x1"'),
+    ("box with a root", BOX, 'box = [-1, "8^(1/3)"]'),
     ("name with an underscore", B, B + "\nconstants = { p_ = 1 }"),
 ]
 REFUSED = [
@@ -127,7 +132,10 @@ REFUSED = [
     ("function without argument", F, '"sin*x1"'),
     ("function with two", F, '"sin(p, x1)"'),
     ("exponent not constant", F, '"p^x1"'),
-    ("exponent not an integer", F, '"p^(1/2)*x1"'),
+    ("exponent not rational", F, '"p^sqrt(2)*x1"'),
+    ("exponent whose denominator is too large", F, '"p^(1/65)*x1"'),
+    ("pi as a parameter", "p = [-1", "pi = [-1"),
+    ("rational by more than fractions", BOX, 'box = ["-1", "sqrt(2)^2"]'),
     ("exponent too large", F, '"p^65*x1"'),
     ("exponent of 10^400", F, '"1e401*x1"'),
     ("exponent of many digits", F, '"1e0000000001*x1"'),

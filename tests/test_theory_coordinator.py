@@ -16,7 +16,7 @@ from certify.coordinator.nominal import cost_gradient
 from certify.coordinator.stability import Unstable
 from symbolic.hurwitz import hurwitz_test
 from symbolic.network import laplacian, left_null_vector
-from symbolic.plant import COST_VARIABLE, Interval, Plant
+from symbolic.plant import COST_VARIABLE, CoordinatorChoice, Interval, Plant
 
 HALF, TWO = Fraction(1, 2), Interval(Fraction(2), Fraction(2))
 
@@ -130,7 +130,7 @@ def test_f13_another_alpha1_makes_it_stable_again(five_agents: Plant) -> None:
 def test_f13_no_certificate_for_an_unstable_pair(five_agents: Plant) -> None:
     gradients = gradients_at([cost_gradient(agent.cost) for agent in five_agents.agents], TWO)
     curvatures = [Interval(HALF, HALF)] * 5
-    plant = replace(five_agents, alpha1=Fraction(1), alpha2=Fraction(80))
+    plant = replace(five_agents, coordinator=CoordinatorChoice(Fraction(1), Fraction(80)))
     result = design_coordinator(plant, TWO, gradients, curvatures)
     assert isinstance(result, Unstable)
     assert result.reason == "no Lyapunov matrix was found for α1 = 1, α2 = 80"

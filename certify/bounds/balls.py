@@ -114,8 +114,13 @@ class _Compiler:
         return self._emit(Instruction(name, (operand,)), tuple(0 if d == 0 else None for d in self.degrees[operand]))
 
     def _power(self, base: sympy.Basic, exponent: sympy.Basic) -> int:
-        if not isinstance(exponent, sympy.Rational) or exponent.q not in (1, 2):
-            raise ValueError(f"the exponent {exponent} is neither an integer nor a half of one")
+        if not isinstance(exponent, sympy.Rational):
+            raise ValueError(f"the exponent {exponent} is not rational")
+        if exponent.q > 2:  # exp(p/q log(base)), as the checker reads it
+            factors = (self.register(exponent), self._function("log", self.register(base)))
+            columns = zip(*(self.degrees[k] for k in factors), strict=True)
+            product = self._emit(Instruction("multiply", factors), tuple(_total(column) for column in columns))
+            return self._function("exp", product)
         operand = self.register(base)
         if exponent.q == 2:
             root = sympy.sqrt(base) if exponent != sympy.S.Half else None

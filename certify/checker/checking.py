@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from fractions import Fraction
 from functools import cache
 
 from certify.checker.certificate import AgentClaim, Certificate, Claim, DirectWitness, Witness, read_certificate
 from certify.checker.plant import Agent, Plant, read_plant
 from certify.checker.rules import agent_recipe, assumptions, coordinator
+from certify.checker.unproved import unproved_feature
 from certify.checker.verdict import STEPS, Malformed, Rejected, Undecided, Verdict, require, start_meter
 
 
@@ -71,11 +74,19 @@ def _bind(plant: Plant, claim: Claim, witness: Witness | DirectWitness) -> None:
     ids = [agent.id for agent in plant.agents]
     if not ids == [agent.id for agent in claim.agents] == [agent.id for agent in witness.agents]:
         raise Malformed("the claim and the witness list the agents 1, 2, … of the plant file in this order")
+    for key in ("alpha1", "alpha2"):
+        _bind_number(getattr(plant.coordinator, key), getattr(claim, key), key)
     for agent, mine in zip(plant.agents, claim.agents, strict=True):
-        for key, value in plant.fixed.items():
-            claimed = getattr(claim if key in ("alpha1", "alpha2") else mine, key)
-            require(claimed in (value, None), f"agent {agent.id}: {key} is fixed by the plant file", fixed=value)
+        for key, value in asdict(plant.gains_of(agent.id)).items():
+            _bind_number(value, getattr(mine, key), f"agent {agent.id}: {key}")
         _bind_design(agent, mine)
+    feature = unproved_feature(plant)
+    require(not feature, "theorem", reason=f"it says nothing about {feature}")
+
+
+def _bind_number(fixed: Fraction | None, claimed: Fraction | None, name: str) -> None:
+    """What an agent does not have (``h`` at order 1) is None in the claim."""
+    require(fixed is None or claimed in (fixed, None), f"{name} is fixed by the plant file", fixed=fixed)
 
 
 def _bind_design(agent: Agent, claim: AgentClaim) -> None:

@@ -3,9 +3,11 @@
     sum     = product (("+" | "-") product)*
     product = unary (("*" | "/") unary)*
     unary   = ("+" | "-") unary | power
-    power   = atom (("**" | "^") unary)?              the exponent is a constant integer
-    atom    = number | name | function "(" sum ")" | "(" sum ")"
+    power   = atom (("**" | "^") unary)?              the exponent is a rational constant
+    atom    = number | name | "pi" | function "(" sum ")" | "(" sum ")"
 
+``u^(p/q)`` in lowest terms with ``q ≥ 2`` is ``√…√u^p`` if ``q`` is a power of two, and ``exp(p/q·log u)`` otherwise,
+so that ``u`` must not be negative, or must be positive; ``pi`` is ``4·atan 1``. Nothing after the parser knows either.
 Rational constants are folded exactly while parsing, so a ``Number`` is exact and everything else is not known to be.
 Every part without names must be enclosed by an interval: ``log(0)`` or ``1/(sqrt(2) - sqrt(2))`` is no expression.
 """
@@ -32,6 +34,7 @@ MAX_NODES = 2_000  # as written
 MAX_SIZE = 20_000  # with the names replaced by what they stand for
 MAX_HEIGHT = 100  # of what a name stands for
 MAX_EXPONENT = 64
+MAX_ROOT = 64  # the denominator of an exponent
 MAX_BITS = 10_000
 LARGEST = 1 << MAX_BITS
 MAX_DIGITS = 1_000
@@ -82,6 +85,10 @@ class Call:
 
 
 Node = Number | Name | Sum | Product | Power | Call
+
+CONSTANTS: Mapping[str, Node] = {
+    "pi": Product(((Number(Fraction(4)), False), (Call("atan", Number(Fraction(1))), False)))
+}
 
 
 def parse(text: str, names: Mapping[str, Node]) -> Node:
@@ -253,9 +260,11 @@ class _Parser:
             return base
         self.step()
         exponent = self.nested(self.unary)
-        if not isinstance(exponent, Number) or exponent.value.denominator != 1 or abs(exponent.value) > MAX_EXPONENT:
-            raise self.fault("a small constant integer as the exponent")
-        return _folded(Power(base, int(exponent.value)))
+        if not isinstance(exponent, Number) or abs(exponent.value) > MAX_EXPONENT:
+            raise self.fault("a small rational constant as the exponent")
+        if exponent.value.denominator > MAX_ROOT:
+            raise self.fault("an exponent with a small denominator")
+        return _power(base, exponent.value)
 
     def atom(self) -> Node:
         kind, token = self.kind, self.step()
@@ -270,9 +279,9 @@ class _Parser:
                 raise self.fault(f"an argument of {token}")
             self.step()
             return _folded(Call(token, self.group()))
-        if token not in self.names:
+        node = CONSTANTS.get(token) or self.names.get(token)
+        if node is None:
             raise Malformed(f"the name {token[:40]} is not known here")
-        node = self.names[token]
         self.size += 1 if isinstance(node, (Name, Number)) else measure(node)[0]
         if self.size > MAX_SIZE:
             raise Malformed("the expression has too many parts")
@@ -307,6 +316,39 @@ def _bounded_call(function: str, argument: Interval) -> Interval:
     if value.lower > LARGEST or value.upper < -LARGEST:
         raise Undecided(f"{function} of {argument}")
     return value
+
+
+def _power(base: Node, exponent: Fraction) -> Node:
+    """``base^exponent``, which for a denominator ``q ≥ 2`` is made of functions; a perfect power is a number."""
+    q = exponent.denominator
+    if isinstance(base, Number) and q > 1:
+        root = _exact_root(base.value, q)
+        base, q = (base, q) if root is None else (Number(root), 1)
+    if q & (q - 1):
+        logarithm = _folded(Call("log", base))
+        return _folded(Call("exp", _folded(Product(((Number(exponent), False), (logarithm, False))))))
+    while q > 1:
+        base, q = _folded(Call("sqrt", base)), q // 2
+    if exponent.numerator == 1 < exponent.denominator:
+        return base
+    return _folded(Power(base, exponent.numerator))
+
+
+def _exact_root(value: Fraction, q: int) -> Fraction | None:
+    """The ``q``-th root of a nonnegative number if it is rational."""
+    if value < 0:
+        return None
+    p, r = _integer_root(value.numerator, q), _integer_root(value.denominator, q)
+    return Fraction(p, r) if p**q == value.numerator and r**q == value.denominator else None
+
+
+def _integer_root(n: int, q: int) -> int:
+    """The largest ``k`` with ``k^q ≤ n``."""
+    low, high = 0, 1 << (n.bit_length() // q + 1)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if middle**q <= n else (low, middle)
+    return low
 
 
 def _folded(node: Node) -> Node:

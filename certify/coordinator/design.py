@@ -107,7 +107,7 @@ def design_coordinator(
 
 
 def _pairs(plant: Plant) -> tuple[tuple[Fraction, Fraction], ...]:
-    chosen = [(plant.alpha1 or a, plant.alpha2 or b) for a, b in CANDIDATES]
+    chosen = [(plant.coordinator.alpha1 or a, plant.coordinator.alpha2 or b) for a, b in CANDIDATES]
     return tuple(dict.fromkeys(chosen))
 
 

@@ -30,7 +30,7 @@ def _design(model: AgentModel, steady: SteadyState, prepared: Prepared) -> Agent
     matrices = lyapunov_matrices(model, steady)
     if isinstance(matrices, MatricesInconclusive):
         return AgentInconclusive(model.agent.id, matrices.reason)
-    return design_agent(model, matrices, prepared.plant.gains)
+    return design_agent(model, matrices, prepared.plant.gains_of(model.agent.id))
 
 
 def _result(recipe: AgentRecipe, prepared: Prepared, index: int) -> AgentResult:

@@ -32,9 +32,10 @@ def tube_agent(
         other = prepared.redesigned(index, agent)
         return None if isinstance(other, str) else AgentTrials(other, prepared.coordinator.envelope, index)
 
-    found = search_gains(trials, prepared.plant.gains, report, redesigned)
+    requested = prepared.plant.gains_of(derived.id)
+    found = search_gains(trials, requested, report, redesigned)
     if isinstance(found, NoChoice):
-        reason = found.reason + _nearest(trials, prepared.plant.gains, report)
+        reason = found.reason + _nearest(trials, requested, report)
         return AgentResult(derived.id, "inconclusive", reason, linear=linear), None, None
     default = _coarsened(trials, found[0].trial, prepared, index)
     controller = tube_controller(default)

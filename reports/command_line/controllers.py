@@ -21,17 +21,17 @@ _EXACT = re.compile(r"-?[0-9]{1,4000}(/[0-9]{1,4000})?")
 
 def demonstration_controller(plant: Plant, derivation: Derivation) -> Controller:
     """The plant file's gains, and moderate ones where it fixes none. Nothing is proved about them."""
-    given = plant.gains
-    gains = RequestedGains(
-        given.g or MODERATE.g, given.K or MODERATE.K, given.delta or MODERATE.delta, given.h or MODERATE.h
-    )
     laws = []
     for derived in derivation.agents:
+        given = plant.gains_of(derived.id)
+        gains = RequestedGains(
+            given.g or MODERATE.g, given.K or MODERATE.K, given.delta or MODERATE.delta, given.h or MODERATE.h
+        )
         law = requested_controller(derived, gains)
         if law is None:
             raise InputError(f"agent {derived.agent.id}: its internal model is not rational, so it cannot be simulated")
         laws.append(law)
-    return Controller(plant.alpha1 or ALPHA, plant.alpha2 or ALPHA, tuple(laws))
+    return Controller(plant.coordinator.alpha1 or ALPHA, plant.coordinator.alpha2 or ALPHA, tuple(laws))
 
 
 def certified_controller(certificate: Mapping[str, Any], plant: Plant, source: str) -> Controller:

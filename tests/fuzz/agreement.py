@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, fields, is_dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -51,13 +52,12 @@ def _compare(mine: CheckerPlant, theirs: Plant) -> str | None:
         theirs.exosystem.initial
     ):
         return "exosystem"
-    gains = {
-        "alpha1": theirs.alpha1,
-        "alpha2": theirs.alpha2,
-        **{key: getattr(theirs.gains, key) for key in ("g", "K", "delta", "h")},
-    }
-    if mine.fixed != {key: value for key, value in gains.items() if value is not None}:
-        return "fixed gains"
+    if asdict(mine.coordinator) != asdict(theirs.coordinator):
+        return "coordinator"
+    for number in range(1, len(theirs.agents) + 1):
+        for what in ("gains_of", "requirements_of", "implementation_of"):
+            if _plain(getattr(mine, what)(number)) != _plain(getattr(theirs, what)(number)):
+                return f"agent {number}: {what}"
     for left, right in zip(mine.agents, theirs.agents, strict=True):
         reason = _agents(left, right, names)
         if reason:
@@ -100,6 +100,20 @@ def _agents(left: Any, right: Any, exosystem: list[str]) -> str | None:
         if not _same(mine, theirs, point):
             return key
     return None
+
+
+def _plain(value: Any) -> Any:
+    """A dataclass of either reader as a dictionary of plain values."""
+    if value is None:
+        return None
+    return {
+        field.name: (entry.lo, entry.hi)
+        if isinstance(entry := getattr(value, field.name), Interval)
+        else _plain(entry)
+        if is_dataclass(entry)
+        else entry
+        for field in fields(value)
+    }
 
 
 def _boxes(intervals: Any) -> list[tuple[Fraction, Fraction]]:

@@ -55,7 +55,16 @@ from certify.recipe.thresholds import StateFeedback, _Observer, state_feedback
 from certify.tube.route import tube_agent
 from symbolic.derivation import derive
 from symbolic.network import laplacian, left_null_vector
-from symbolic.plant import COST_VARIABLE, Agent, Exosystem, InternalModelChoice, Interval, Plant, RequestedGains
+from symbolic.plant import (
+    COST_VARIABLE,
+    Agent,
+    CoordinatorChoice,
+    Exosystem,
+    InternalModelChoice,
+    Interval,
+    Plant,
+    RequestedGains,
+)
 from symbolic.steady_state import SteadyState
 
 from .bases import encode, plant_from_bytes
@@ -178,12 +187,12 @@ def prove_recipe(plant_file: bytes, certificate: Json) -> None:
 
 def _respects(plant: Plant, claim: Json) -> None:
     """What the plant file fixes is what the claim says."""
-    fixed = {"alpha1": plant.alpha1, "alpha2": plant.alpha2}
+    fixed = {key: getattr(plant.coordinator, key) for key in ("alpha1", "alpha2")}
     for key, value in fixed.items():
         need(value is None or value == Fraction(claim[key]), f"{key} is fixed")
     for agent, entry in zip(plant.agents, claim["agents"], strict=True):
         for key in ("g", "K", "delta", "h"):
-            value = getattr(plant.gains, key)
+            value = getattr(plant.gains_of(agent.id), key)
             need(value is None or entry[key] is None or value == Fraction(entry[key]), f"{key} is fixed")
         need(agent.gamma in (None, _row(entry["gamma"])), "gamma is fixed")
         need(agent.observer in (None, _row(entry["observer"])) or agent.order == 1, "observer is fixed")
@@ -398,15 +407,16 @@ def prove_direct(plant_file: bytes, certificate: Json) -> None:
     need([entry["id"] for entry in claim["agents"]] == [str(agent.id) for agent in plant.agents], "other agents")
     _respects(plant, claim)
     agents = tuple(_designed(agent, entry) for agent, entry in zip(plant.agents, claim["agents"], strict=True))
-    alphas = {key: Fraction(claim[key]) for key in ("alpha1", "alpha2")}
-    designed = replace(plant, agents=agents, gains=RequestedGains(), **alphas)
+    choice = CoordinatorChoice(*(Fraction(claim[key]) for key in ("alpha1", "alpha2")))
+    designed = replace(plant, agents=agents, gains=(), coordinator=choice)
     prepared = prepare(designed, check_assumptions(plant), lambda message: None, PROVED_ON_THE_WAY["direct"])
     if isinstance(prepared, Stopped):
         raise NotConfirmed(f"the producer: {prepared.reason}")
     parts = []
     for index, entry in enumerate(claim["agents"]):
         gains = RequestedGains(*(None if entry[key] is None else Fraction(entry[key]) for key in GAINS))
-        result, controller, witness = tube_agent(replace(prepared, plant=replace(designed, gains=gains)), index)
+        asked = replace(designed, gains=(gains,) * len(agents))
+        result, controller, witness = tube_agent(replace(prepared, plant=asked), index)
         if controller is None or witness is None:
             raise NotConfirmed(f"the producer: {result.reason}")
         parts.append((controller, witness))

@@ -1,0 +1,23 @@
+"""What a plant file may ask for and no theorem here speaks about yet: such a plant is inconclusive, never ignored."""
+
+from __future__ import annotations
+
+from symbolic.plant import Plant, Requirements
+
+PAPERS_COORDINATOR = {"gradient_gain": 1, "mixing_gain": 1, "mixing_time": 0, "softening": 0}
+
+
+def unproved_feature(plant: Plant) -> str:
+    """The reason, naming the key and what may be written instead; empty if everything asked for can be proved."""
+    for key, proved in PAPERS_COORDINATOR.items():
+        value = getattr(plant.coordinator, key)
+        if value not in (None, proved):
+            return f"coordinator.{key} = {value}: nothing is proved about it yet; {proved} or leaving it out is"
+    if plant.implementations:
+        return (
+            "[implementation]: nothing is proved about a sampled controller yet; without the table a continuous one is"
+        )
+    for agent in plant.agents:
+        if plant.requirements_of(agent.id) != Requirements():
+            return f"[requirements] of agent {agent.id}: nothing is proved about them yet; without the table gains are"
+    return ""
