@@ -53,7 +53,7 @@ def certificate_of(plant: Plant, kept: Path | None) -> Json | str:
 def proved_bounds(plant: Plant, certificate: Json) -> tuple[SignalBound, ...]:
     """The bounds of the certified region; none where they cannot be stated."""
     certified = certified_gains(certificate)
-    if certified is None or not certified.direct:
+    if certified is None or not certified.has_tubes:
         return ()
     envelope = coordinator_envelope(plant, certified)
     if isinstance(envelope, str):

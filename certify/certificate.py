@@ -16,8 +16,6 @@ from certify.files import write_atomically
 from symbolic.errors import InputError
 
 SCHEMA = "consensus-certificate/1"
-RECIPE = "recipe/1"
-DIRECT = "direct/2"
 LARGEST_FILE = 16 << 20
 
 Json = dict[str, Any]

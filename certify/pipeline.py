@@ -13,21 +13,17 @@ from typing import Any
 
 from certify.assumptions.check import check_assumptions
 from certify.assumptions.findings import CheckReport
-from certify.certificate import DIRECT, RECIPE, Json, canonical, claim_digest, number
+from certify.certificate import Json, canonical, claim_digest, number
 from certify.checker import check as independent_check
-from certify.coordinator.design import COARSE, FINE
 from certify.network_certificate import network_certificate
 from certify.preparation import Prepared, Report, Stopped, prepare
-from certify.recipe.route import recipe_agent
 from certify.results import AgentResult, GainsResult, Status
-from certify.tube.route import tube_agent
+from certify.routes import ROUTES, Route
 from symbolic.controller import AgentController
 from symbolic.plant import Plant
 
 __all__ = ["AgentResult", "GainsResult", "design_gains", "tool_versions"]
 
-THEOREMS = {"recipe": RECIPE, "direct": DIRECT}
-PROVED_ON_THE_WAY = {"recipe": frozenset[str](), "direct": frozenset({"A6"})}  # the tube is A6⁺ (iii)
 MOST_WORKERS = 2
 LISTENING = 0.5  # seconds between two looks at what the searches say
 
@@ -40,11 +36,11 @@ def design_gains(
     """Gains with a certificate, or what stands in the way. Gains fixed in the plant file are kept and decided as they
     are."""
     check = check if check is not None else check_assumptions(plant)
-    resolution = COARSE if route == "recipe" else FINE
-    prepared = prepare(plant, check, progress, PROVED_ON_THE_WAY[route], resolution)
+    way = ROUTES[route]
+    prepared = prepare(plant, check, progress, way.proved_on_the_way, way.resolution)
     if isinstance(prepared, Stopped):
         return _without_certificate(prepared.status, prepared.reason, route, prepared.agents)
-    outcomes = _tubes(prepared, progress) if route == "direct" else _recipes(prepared, progress)
+    outcomes = _searched(way, prepared, progress)
     results = tuple(result for result, _, _ in outcomes)
     open_agents = [result for result in results if result.status != "certified"]
     if open_agents:
@@ -55,7 +51,7 @@ def design_gains(
         (controller, witness) for _, controller, witness in outcomes if controller is not None and witness is not None
     ]
     certificate = network_certificate(
-        THEOREMS[route], plant, found.enclosure, disturbance.Q or (), coordinator, parts, tool_versions()
+        way.theorem, plant, found.enclosure, disturbance.Q or (), coordinator, parts, tool_versions()
     )
     progress("checking the certificate")
     verdict = independent_check(plant.source, canonical(certificate) + b"\n")
@@ -79,24 +75,16 @@ def tool_versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in names}}
 
 
-def _recipes(prepared: Prepared, progress: Report) -> list[Outcome]:
-    outcomes = []
-    for index, derived in enumerate(prepared.derivation.agents):
-        progress(f"agent {derived.id}: levels and thresholds")
-        outcomes.append(recipe_agent(prepared, index))
-    return outcomes
-
-
-def _tubes(prepared: Prepared, progress: Report) -> list[Outcome]:
-    """The agents do not see each other, so they are searched in parallel where processes can be forked."""
+def _searched(route: Route, prepared: Prepared, progress: Report) -> list[Outcome]:
+    """The agents do not see each other, so long searches run in parallel where processes can be forked."""
     count = len(prepared.models)
-    workers = min(MOST_WORKERS, os.cpu_count() or 1, count)
+    workers = min(MOST_WORKERS, os.cpu_count() or 1, count) if route.long else 1
     if workers == 1 or "fork" not in multiprocessing.get_all_start_methods():
-        return [_tube(prepared, index, progress) for index in range(count)]
+        return [route.search(prepared, index, progress) for index in range(count)]
     context = multiprocessing.get_context("fork")
     said: SimpleQueue[str] = context.SimpleQueue()
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_share, initargs=(prepared, said)) as pool:
-        searches = [pool.submit(_shared_tube, index) for index in range(count)]
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_share, initargs=(route, prepared, said)) as pool:
+        searches = [pool.submit(_shared_search, index) for index in range(count)]
         pending = set(searches)
         while pending:
             pending = wait(pending, timeout=LISTENING).not_done
@@ -105,23 +93,16 @@ def _tubes(prepared: Prepared, progress: Report) -> list[Outcome]:
     return [search.result() for search in searches]
 
 
-_SHARED: list[tuple[Prepared, SimpleQueue[str]]] = []
+_SHARED: list[tuple[Route, Prepared, SimpleQueue[str]]] = []
 
 
-def _share(prepared: Prepared, said: SimpleQueue[str]) -> None:
-    _SHARED[:] = [(prepared, said)]
+def _share(route: Route, prepared: Prepared, said: SimpleQueue[str]) -> None:
+    _SHARED[:] = [(route, prepared, said)]
 
 
-def _shared_tube(index: int) -> Outcome:
-    prepared, said = _SHARED[0]
-    return _tube(prepared, index, said.put)
-
-
-def _tube(prepared: Prepared, index: int, progress: Report) -> Outcome:
-    agent = prepared.derivation.agents[index].id
-    outcome = tube_agent(prepared, index, lambda message: progress(f"agent {agent}: {message}"))
-    progress(f"agent {agent}: {outcome[0].status}")
-    return outcome
+def _shared_search(index: int) -> Outcome:
+    route, prepared, said = _SHARED[0]
+    return route.search(prepared, index, said.put)
 
 
 def _summary(status: Status, route: str, certificate: Json, results: tuple[AgentResult, ...]) -> dict[str, Any]:

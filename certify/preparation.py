@@ -10,8 +10,9 @@ import sympy
 from certify.agent_model import AgentModel, References
 from certify.assumptions.findings import CheckReport
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
-from certify.coordinator.design import FINE, CoordinatorDesign, Resolution, design_coordinator, gradients_at
+from certify.coordinator.design import CoordinatorDesign, design_coordinator, gradients_at
 from certify.coordinator.nominal import cost_gradient
+from certify.coordinator.resolution import FINE, Resolution
 from certify.coordinator.stability import Unstable
 from certify.curvature import Curvature, cost_curvature
 from certify.foreseen import foreseen_refusal, seen_optimum

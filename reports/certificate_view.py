@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from certify.certificate import DIRECT, claim_digest
+from certify.certificate import claim_digest
+from certify.routes import route_of_theorem
 from reports.exact_numbers import Matrix, Row, exact, exact_matrix, exact_row
 from reports.numbers import floor_log10
 from reports.tube_view import Tube, tube
@@ -21,7 +22,7 @@ MATRICES = ("V0", "P1", "P2", "P3")
 @dataclass(frozen=True)
 class AgentClaim:
     """Gains of the claim and matrices of the witness of one agent; ``observer``, ``psi``, ``N`` and ``tube`` are there
-    for the theorem direct/2.
+    where the route proves a tube.
 
     ``level`` is that of the Lyapunov function, or the largest bound of ``ϑ̃`` from ``T1`` on; ``rate`` the tube's at
     last.
@@ -45,10 +46,10 @@ class AgentClaim:
 class CertifiedGains:
     """The claim's gains, in the order of the agents, and the coordinator's matrix ``P``.
 
-    ``direct`` tells the theorem direct/2 from recipe/1.
+    ``route`` is the name of the route whose theorem the certificate names.
     """
 
-    direct: bool
+    route: str
     alpha1: Fraction
     alpha2: Fraction
     agents: tuple[AgentClaim, ...]
@@ -64,6 +65,11 @@ class CertifiedGains:
         return max(
             floor_log10(gain) for agent in self.agents for gain in (agent.g, agent.K, agent.delta, agent.h) if gain
         )
+
+    @property
+    def has_tubes(self) -> bool:
+        """Whether bounds in time are known for every agent."""
+        return all(agent.tube is not None for agent in self.agents)
 
     @property
     def too_large(self) -> bool:
@@ -90,13 +96,16 @@ def certified_gains(certificate: Mapping[str, Any] | None) -> CertifiedGains | N
 def _read(certificate: Mapping[str, Any]) -> CertifiedGains:
     claim, witness = certificate["claim"], certificate["witness"]
     witnesses = {entry["id"]: entry for entry in witness["agents"]}
-    direct = certificate.get("theorem") == DIRECT
+    route = route_of_theorem(certificate.get("theorem"))
+    if route is None:
+        raise ValueError("no route has this theorem")
+    view = _VIEWS[route.name]
     coordinator = witness["coordinator"]
     return CertifiedGains(
-        direct=direct,
+        route=route.name,
         alpha1=exact(claim["alpha1"]),
         alpha2=exact(claim["alpha2"]),
-        agents=tuple(_agent(entry, witnesses[entry["id"]], direct) for entry in claim["agents"]),
+        agents=tuple(view(_gains(entry), entry, witnesses[entry["id"]]) for entry in claim["agents"]),
         P=exact_matrix(coordinator["P"]),
         coordinator={key: exact(coordinator[key]) for key in ("rate", "mixing_rate", "step", "steps")},
         sha256=claim_digest(dict(certificate)),
@@ -105,9 +114,9 @@ def _read(certificate: Mapping[str, Any]) -> CertifiedGains:
     )
 
 
-def _agent(claim: Mapping[str, Any], witness: Mapping[str, Any], direct: bool) -> AgentClaim:
+def _gains(claim: Mapping[str, Any]) -> AgentClaim:
     h = claim["h"]
-    found = AgentClaim(
+    return AgentClaim(
         id=int(exact(claim["id"])),
         g=exact(claim["g"]),
         K=exact(claim["K"]),
@@ -116,9 +125,14 @@ def _agent(claim: Mapping[str, Any], witness: Mapping[str, Any], direct: bool) -
         level=None,
         matrices={},
     )
-    if not direct:
-        matrices = {name: exact_matrix(witness[name]) for name in MATRICES}
-        return replace(found, level=exact(witness["level"]), matrices=matrices)
+
+
+def _with_matrices(found: AgentClaim, claim: Mapping[str, Any], witness: Mapping[str, Any]) -> AgentClaim:
+    matrices = {name: exact_matrix(witness[name]) for name in MATRICES}
+    return replace(found, level=exact(witness["level"]), matrices=matrices)
+
+
+def _with_tube(found: AgentClaim, claim: Mapping[str, Any], witness: Mapping[str, Any]) -> AgentClaim:
     boxes, psi, N = tube(witness), exact_row(claim["psi"]), exact_row(claim["N"])
     if (
         not len(psi) == len(N) == len(witness["ell"])
@@ -134,3 +148,6 @@ def _agent(claim: Mapping[str, Any], witness: Mapping[str, Any], direct: bool) -
         N=N,
         tube=boxes,
     )
+
+
+_VIEWS = {"recipe": _with_matrices, "direct": _with_tube}  # how the witness of a route is read for display

@@ -90,8 +90,8 @@ def numbers_section(gains: GainsResult | None, certified: CertifiedGains | None)
 
 def _thresholds(agents: Sequence[AgentResult], certified: CertifiedGains | None) -> dict[str, Any]:
     """The recipe's thresholds, or the proof data of the tube: never both."""
-    if certified is not None and certified.direct:
-        tubes = [(agent.id, _tube(agent.tube)) for agent in certified.agents if agent.tube is not None]
+    tubes = [] if certified is None else [(a.id, _tube(a.tube)) for a in certified.agents if a.tube is not None]
+    if tubes:
         return {"thresholds": [], "tube": tables.quantity_blocks(tubes, tables.TUBE)}
     found = [(agent.id, agent.thresholds) for agent in agents if agent.thresholds]
     return {"thresholds": tables.quantity_blocks(found, tables.THRESHOLDS), "tube": []}

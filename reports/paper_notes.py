@@ -5,26 +5,26 @@ The markup is the project's own text; nothing of a plant file is put into it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from symbolic.plant import Plant
 
 
 @dataclass(frozen=True)
 class Note:
-    """One finding: the printed statement, the truth and what this tool does about it, by route."""
+    """One finding: the printed statement, the truth and what this tool does about it, also where a route differs."""
 
     id: str
     printed: str
     truth: str
     consequence: str
     concerns: Callable[[Plant], bool]
-    direct: str = ""
+    by_route: Mapping[str, str] = field(default_factory=dict)
 
-    def here(self, direct: bool) -> str:
-        """The consequence for the route: ``direct`` where that differs from the recipe."""
-        return self.direct if direct and self.direct else self.consequence
+    def here(self, route: str) -> str:
+        """The consequence for the route of this name."""
+        return self.by_route.get(route, self.consequence)
 
 
 def notes_for(plant: Plant) -> tuple[Note, ...]:
@@ -67,7 +67,7 @@ NOTES = (
         "input-to-state stability. A counterexample escapes at $t approx 0.3$ for every gain tried.",
         "The level set is closed by a verified fixed point, not by A6 alone.",
         _has_zero_dynamics,
-        "$overline(z)$ has a verified box on every step of the tube; A6 is not used for it.",
+        {"direct": "$overline(z)$ has a verified box on every step of the tube; A6 is not used for it."},
     ),
     Note(
         "F2",
@@ -76,7 +76,7 @@ NOTES = (
         "for some plants no $mu$ exists.",
         "The level is found as a fixed point, agent by agent; if there is none the verdict is inconclusive.",
         _any,
-        "No level set is used: the bounds are those of the tube, step by step.",
+        {"direct": "No level set is used: the bounds are those of the tube, step by step."},
     ),
     Note(
         "F4",
@@ -99,7 +99,7 @@ NOTES = (
         "where the paper claims 0.0067.",
         "$h_1, h_2$ are computed with $lambda_max (P_3)$.",
         _has_observer,
-        "No $W_e$ is used: $abs(upright(e)^(E_3 tau))$ is bounded entry by entry on a grid of times.",
+        {"direct": "No $W_e$ is used: $abs(upright(e)^(E_3 tau))$ is bounded entry by entry on a grid of times."},
     ),
     Note(
         "F8",
@@ -107,7 +107,7 @@ NOTES = (
         "$norm(e) <= sqrt(epsilon \\/ (2 lambda_min (P_3)))$.",
         "$delta >= K (max |theta.alt| + sqrt(1/2 epsilon E_2 P_3^(-1) E_2^T))$.",
         _has_observer,
-        "No $W_e$ is used: each $abs(e_i)$ has a bound of its own.",
+        {"direct": "No $W_e$ is used: each $abs(e_i)$ has a bound of its own."},
     ),
     Note(
         "F13",

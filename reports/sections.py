@@ -7,6 +7,7 @@ from fractions import Fraction
 from math import isfinite
 from typing import Any
 
+from certify.routes import DEFAULT, ROUTES
 from reports import cells, tables
 from reports.agent_types import coordinates_section
 from reports.attraction import attraction_section
@@ -43,7 +44,7 @@ def document_data(study: Study) -> dict[str, Any]:
         "verified": ended.verified,
         "reason": cells.text(ended.reason, 1500) if ended.reason else None,
         "route": cells.text(_route(study, certified)),
-        "direct": certified is not None and certified.direct,
+        "texts": _texts(study, certified),
         "optimum": _optimum(study),
         "plant": plant_section(study.plant),
         "network": network_section(study.plant.digraph),
@@ -66,7 +67,7 @@ def document_data(study: Study) -> dict[str, Any]:
                 "id": n.id,
                 "printed": n.printed,
                 "truth": n.truth,
-                "consequence": n.here(_route(study, certified) == "direct"),
+                "consequence": n.here(_route(study, certified)),
             }
             for n in notes_for(study.plant)
         ],
@@ -76,8 +77,14 @@ def document_data(study: Study) -> dict[str, Any]:
 
 def _route(study: Study, certified: CertifiedGains | None) -> str:
     if certified is not None:
-        return "direct" if certified.direct else "recipe"
+        return certified.route
     return study.gains.route if study.gains else "–"
+
+
+def _texts(study: Study, certified: CertifiedGains | None) -> str:
+    """The route whose words templates/routes.typ has for this report."""
+    route = _route(study, certified)
+    return route if route in ROUTES else DEFAULT
 
 
 def _region(study: Study, certified: CertifiedGains | None, ended: Conclusion) -> dict[str, Any] | None:

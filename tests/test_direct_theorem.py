@@ -24,6 +24,7 @@ from certify.checker.rules.increments import Increments
 from certify.checker.rules.observer import tabulate
 from certify.checker.rules.surroundings import Exosystem, Outside
 from certify.checker.rules.zero_ranges import ZeroRanges
+from certify.checker.theorems import witness_kinds
 from certify.checker.verdict import start_meter
 
 
@@ -44,7 +45,7 @@ def first_phase(name: str) -> FirstPhase:
     """The rule, as the checker sets it up."""
     start_meter()
     tiny, certificate = certified(name)
-    plant, read = read_plant(tiny.toml), read_certificate(producer.encode(certificate))
+    plant, read = read_plant(tiny.toml), read_certificate(producer.encode(certificate), witness_kinds())
     facts = assumptions.prove(plant, read)
     agent, claim, witness = plant.agents[0], read.claim.agents[0], read.witness.agents[0]
     assert not isinstance(witness, assumptions.AgentWitness)

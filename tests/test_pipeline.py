@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import pytest
 
-from certify.certificate import RECIPE, SCHEMA, canonical, claim_digest
+from certify.certificate import SCHEMA, canonical, claim_digest
 from certify.checker import check as independent_check
 from certify.pipeline import GainsResult, design_gains
 from symbolic.plant import Plant
@@ -59,7 +59,7 @@ def example(five_agents: Plant) -> GainsResult:
 def test_certified(certified: GainsResult) -> None:
     assert certified.status == "certified" and certified.route == "recipe"
     assert certified.certificate is not None
-    assert certified.certificate["schema"] == SCHEMA and certified.certificate["theorem"] == RECIPE
+    assert certified.certificate["schema"] == SCHEMA and certified.certificate["theorem"] == "recipe/1"
     assert [agent.status for agent in certified.agents] == ["certified"] * 2
     assert certified.envelope is not None and certified.coordinator is not None
 

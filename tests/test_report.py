@@ -232,7 +232,8 @@ def certificate(plant: Plant, h: Fraction | None = HUGE) -> dict[str, object]:
         "P": square, "multiplier": ["1", "1"], "rate": "2/5", "mixing_rate": "1/3", "step": "1/64", "steps": "64"
     }  # fmt: skip
     claim = {"plant_sha256": plant.sha256, "alpha1": "3", "alpha2": "2", "agents": agents}
-    return {"claim": claim, "witness": {"optimum": ["3/2", "3/2"], "coordinator": coordinator, "agents": witness}}
+    proof = {"optimum": ["3/2", "3/2"], "coordinator": coordinator, "agents": witness}
+    return {"theorem": "recipe/1", "claim": claim, "witness": proof}
 
 
 def gains(status: str, reason: str = "", linear: object = None) -> SimpleNamespace:

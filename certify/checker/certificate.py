@@ -8,11 +8,11 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from math import gcd
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, Protocol, TypeVar
 
 from certify.checker.linear import Matrix
 from certify.checker.verdict import Malformed
@@ -176,20 +176,32 @@ class DirectWitness:
     agents: tuple[DirectAgentWitness, ...]
 
 
+class NetworkWitness(Protocol):
+    """What the witnesses of all theorems have in common; of an agent's, only its ``id``."""
+
+    @property
+    def optimum(self) -> Row: ...
+    @property
+    def exosystem(self) -> Exosystem | None: ...
+    @property
+    def coordinator(self) -> CoordinatorWitness: ...
+    @property
+    def agents(self) -> tuple[Any, ...]: ...
+
+
 @dataclass(frozen=True)
 class Certificate:
-    """A claim, its digest, and its witnesses, whose kind says which theorem they are for."""
+    """A claim, its digest, and the witnesses of the theorem that is to prove it."""
 
     claim_sha256: str
+    theorem: str
     claim: Claim
-    witness: Witness | DirectWitness
+    witness: NetworkWitness
 
 
-_WITNESSES: dict[str, type[Witness] | type[DirectWitness]] = {"recipe/1": Witness, "direct/2": DirectWitness}
-
-
-def read_certificate(data: bytes) -> Certificate:
-    """The certificate in the bytes of its file. Raises ``Malformed``."""
+def read_certificate(data: bytes, witnesses: Mapping[str, type[Any]]) -> Certificate:
+    """The certificate in the bytes of its file; ``witnesses`` has the dataclass of each theorem that is known. Raises
+    ``Malformed``."""
     if len(data) > MAX_BYTES:
         raise Malformed("the certificate is too large")
     try:
@@ -200,14 +212,15 @@ def read_certificate(data: bytes) -> Certificate:
     if canonical.encode("ascii") != data:
         raise Malformed("the certificate is not canonical JSON")
     _keys(root, {"schema", "theorem", "producer", "claim", "witness"})
-    if root["schema"] != SCHEMA or root["theorem"] not in list(_WITNESSES):
-        raise Malformed(f"this checker reads {SCHEMA} with one of the theorems {', '.join(_WITNESSES)}")
+    if root["schema"] != SCHEMA or root["theorem"] not in list(witnesses):
+        raise Malformed(f"this checker reads {SCHEMA} with one of the theorems {', '.join(witnesses)}")
     if not isinstance(root["producer"], dict) or len(root["producer"]) > 32:
         raise Malformed("the producer is a table of at most 32 entries")
     for text in root["producer"].values():
         _text(text)
     digest = hashlib.sha256(_canonical(root["claim"]).encode("ascii")).hexdigest()
-    return Certificate(digest, _table(Claim, root["claim"]), _table(_WITNESSES[root["theorem"]], root["witness"]))
+    theorem = root["theorem"]
+    return Certificate(digest, theorem, _table(Claim, root["claim"]), _table(witnesses[theorem], root["witness"]))
 
 
 def _table(kind: type[T], value: Any) -> T:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from fractions import Fraction
-from functools import cache
 
-from certify.checker.certificate import AgentClaim, Certificate, Claim, DirectWitness, Witness, read_certificate
+from certify.checker.certificate import AgentClaim, Certificate, Claim, read_certificate
 from certify.checker.plant import Agent, Plant, read_plant
-from certify.checker.rules import agent_recipe, assumptions, coordinator
+from certify.checker.theorems import THEOREMS, witness_kinds
 from certify.checker.unproved import unproved_feature
 from certify.checker.verdict import STEPS, Malformed, Rejected, Undecided, Verdict, require, start_meter
 
@@ -21,7 +20,7 @@ def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
     """
     start_meter(steps)
     try:
-        model, proof = read_plant(plant), read_certificate(certificate)
+        model, proof = read_plant(plant), read_certificate(certificate, witness_kinds())
         _prove(model, proof)
     except Malformed as fault:
         return Verdict("malformed", "", str(fault))
@@ -37,42 +36,15 @@ def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
 
 
 def _prove(plant: Plant, certificate: Certificate) -> None:
-    _bind(plant, certificate.claim, certificate.witness)
-    if isinstance(certificate.witness, DirectWitness):
-        _prove_direct(plant, certificate, certificate.witness)
-    else:
-        _prove_recipe(plant, certificate, certificate.witness)
+    _bind(plant, certificate.claim, [agent.id for agent in certificate.witness.agents])
+    THEOREMS[certificate.theorem].prove(plant, certificate)
 
 
-def _prove_recipe(plant: Plant, certificate: Certificate, witness: Witness) -> None:
-    designs = list(zip(plant.agents, certificate.claim.agents, witness.agents, strict=True))
-    for design in designs:
-        agent_recipe.prove_design(*design)
-    facts = assumptions.prove(plant, certificate)
-    envelopes = coordinator.prove(plant, certificate, facts)
-    for design, envelope, known in zip(designs, envelopes, facts.agents, strict=True):
-        agent_recipe.prove_levels(*design, envelope, known, facts)
-
-
-def _prove_direct(plant: Plant, certificate: Certificate, witness: DirectWitness) -> None:
-    from certify.checker.rules import agent_direct, observer  # lazily: recipe/1 is checked without python-flint
-
-    designs = list(zip(plant.agents, certificate.claim.agents, witness.agents, strict=True))
-    for design in designs:
-        agent_direct.prove_design(*design)
-    facts = assumptions.prove(plant, certificate)
-    Q = witness.exosystem.Q if witness.exosystem else []
-    exosystem = agent_direct.Exosystem(plant.S or [], Q, facts.v_at_start, facts.v)
-    envelopes, tabulate = coordinator.prove(plant, certificate, facts), cache(observer.tabulate)
-    for design, envelope, known in zip(designs, envelopes, facts.agents, strict=True):
-        agent_direct.prove_tube(*design, envelope.reference, exosystem, known, tabulate)
-
-
-def _bind(plant: Plant, claim: Claim, witness: Witness | DirectWitness) -> None:
+def _bind(plant: Plant, claim: Claim, witnessed: list[int]) -> None:
     """The claim is about this plant file, about all its agents in their order, and keeps what the file fixes."""
     require(claim.plant_sha256 == plant.sha256, "plant_sha256: the certificate is for another plant file")
     ids = [agent.id for agent in plant.agents]
-    if not ids == [agent.id for agent in claim.agents] == [agent.id for agent in witness.agents]:
+    if not ids == [agent.id for agent in claim.agents] == witnessed:
         raise Malformed("the claim and the witness list the agents 1, 2, … of the plant file in this order")
     for key in ("alpha1", "alpha2"):
         _bind_number(getattr(plant.coordinator, key), getattr(claim, key), key)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple
 
 from certify.bounds.balls import NonFiniteError
 from certify.bounds.rationals import round_up
 from certify.coordinator.envelope import Comparison, Envelope, envelope
 from certify.coordinator.mixing import Mixing, mixing
 from certify.coordinator.nominal import CoordinatorModel, CostGradient, cost_gradient
+from certify.coordinator.resolution import FINE, Resolution
 from certify.coordinator.stability import RATES, Unstable, damping_ranges, mixing_rate, stabilise
 from symbolic.network import laplacian, left_null_vector
 from symbolic.plant import Interval, Plant
@@ -20,17 +20,6 @@ CANDIDATES = tuple((Fraction(a), Fraction(b)) for a, b in ((1, 1), (2, 1), (3, 2
 ABOUT = Fraction(11, 10)
 LARGEST_GRID = 4096
 COARSE_GRID = 256
-
-
-class Resolution(NamedTuple):
-    """Of the grid: its largest step times the fastest rate, and its length in time constants of the mixing layer."""
-
-    step: Fraction
-    lifetimes: int
-
-
-FINE = Resolution(Fraction(2, 3), 14)
-COARSE = Resolution(Fraction(13, 4), 8)  # for means over all time, not for peaks
 
 
 @dataclass(frozen=True)

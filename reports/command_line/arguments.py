@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from certify.routes import ROUTES
 
 PlantArgument = Annotated[Path, typer.Argument(metavar="PLANT", help="Plant file (TOML).", show_default=False)]
 CertificateArgument = Annotated[
@@ -18,14 +19,15 @@ FolderOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
-class Route(StrEnum):
-    """The ways to a certificate."""
+def _route(name: str) -> str:
+    if name not in ROUTES:
+        raise typer.BadParameter(f"{name!r} is not one of {', '.join(ROUTES)}")
+    return name
 
-    DIRECT = "direct"
-    RECIPE = "recipe"
 
-
-RouteOption = Annotated[Route, typer.Option("--route", help="How the gains are found.")]
+RouteOption = Annotated[
+    str, typer.Option("--route", metavar=f"[{'|'.join(ROUTES)}]", parser=_route, help="How the gains are found.")
+]
 SchedulerOption = Annotated[
     str | None,
     typer.Option(

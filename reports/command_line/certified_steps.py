@@ -29,9 +29,9 @@ POINTS, POINTS_SLOWLY = 19, 13
 
 
 def with_region(study: Study, steps: Steps) -> Study:
-    """The bounds that a verified certificate of the direct route proves."""
+    """The bounds that a verified certificate with tubes proves."""
     certified = certified_gains(study.found_certificate)
-    if certified is None or not certified.direct or not conclusion(study).verified:
+    if certified is None or not certified.has_tubes or not conclusion(study).verified:
         return study
     with steps.step("region") as report:
         envelope = _envelope(study, certified)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from certify.files import require_writable
-from reports.command_line.arguments import JsonOption, PlantArgument, Route, RouteOption
+from certify.routes import DEFAULT
+from reports.command_line.arguments import JsonOption, PlantArgument, RouteOption
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.steps import Steps
 
@@ -24,7 +25,7 @@ def command(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="CERT", help="Certificate to write.", show_default=False)
     ],
-    route: RouteOption = Route.DIRECT,
+    route: RouteOption = DEFAULT,
     as_json: JsonOption = False,
 ) -> None:
     """Find gains and write the certificate that proves them.
@@ -39,7 +40,7 @@ def command(
     from certify.pipeline import design_gains
 
     with Steps().step("gains") as report, naming(plant):
-        result = design_gains(loaded, route=route.value, progress=report.progress)
+        result = design_gains(loaded, route=route, progress=report.progress)
         report(result.status)
     if result.certificate is not None:
         write_certificate(result.certificate, output)

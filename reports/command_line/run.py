@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from certify.files import make_folder, write_atomically
-from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, Route, RouteOption, SchedulerOption
+from certify.routes import DEFAULT
+from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, RouteOption, SchedulerOption
 from reports.command_line.drawing import prepare_drawing
 from reports.command_line.gains import gains_table
 from reports.command_line.outcome import Outcome, finish, naming
@@ -23,7 +24,7 @@ PICTURE = "region.svg"
 def command(
     plant: PlantArgument,
     output: FolderOption,
-    route: RouteOption = Route.DIRECT,
+    route: RouteOption = DEFAULT,
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -43,8 +44,8 @@ def command(
 
     steps = Steps()
     with naming(plant):
-        begun = started(loaded, ["run", plant, "-o", output, "--route", route.value])
-        study = studied(begun, plant, output, route.value, steps, scheduler)
+        begun = started(loaded, ["run", plant, "-o", output, "--route", route])
+        study = studied(begun, plant, output, route, steps, scheduler)
     with steps.step("report") as report:
         build_report(study, output / REPORT)
         report(str(output / REPORT))

@@ -46,12 +46,12 @@ from certify.inequalities.exact_psd import (
 from certify.inequalities.matrices import inverse
 from certify.network_certificate import network_certificate
 from certify.optimum import Optimum, optimum
-from certify.pipeline import PROVED_ON_THE_WAY
 from certify.preparation import Stopped, prepare
 from certify.recipe.constants import Constants, constants, initial_energy, sublevel, zero_layer
 from certify.recipe.levels import Level
 from certify.recipe.matrices import chain_matrix, observer_matrix
 from certify.recipe.thresholds import StateFeedback, _Observer, state_feedback
+from certify.routes import DIRECT
 from certify.tube.route import tube_agent
 from symbolic.derivation import derive
 from symbolic.network import laplacian, left_null_vector
@@ -409,7 +409,7 @@ def prove_direct(plant_file: bytes, certificate: Json) -> None:
     agents = tuple(_designed(agent, entry) for agent, entry in zip(plant.agents, claim["agents"], strict=True))
     choice = CoordinatorChoice(*(Fraction(claim[key]) for key in ("alpha1", "alpha2")))
     designed = replace(plant, agents=agents, gains=(), coordinator=choice)
-    prepared = prepare(designed, check_assumptions(plant), lambda message: None, PROVED_ON_THE_WAY["direct"])
+    prepared = prepare(designed, check_assumptions(plant), lambda message: None, DIRECT.proved_on_the_way)
     if isinstance(prepared, Stopped):
         raise NotConfirmed(f"the producer: {prepared.reason}")
     parts = []
