@@ -335,3 +335,14 @@ def test_bad_requests_are_refused() -> None:
         upper_bound(x, {x: UNIT}, max_boxes=0)
     with pytest.raises(ValueError, match="not a SymPy expression"):
         upper_bound(1.5, {x: UNIT})
+
+
+@pytest.mark.parametrize("exponent", range(1, 8))
+def test_powers_of_balls_around_zero_are_finite(exponent: int) -> None:
+    """``p − 1/3`` at ``p = 1/3`` is a ball whose middle is exactly 0, of which python-flint's ``**`` makes NaN."""
+    p = symbol("p")
+    third = Interval(Fraction(1, 3), Fraction(4, 3))
+    found = range_bound((p - sympy.Rational(1, 3)) ** exponent + 1, {p: third}).interval
+    assert Fraction(99, 100) < found.lo <= 1 and 2 <= found.hi < Fraction(203, 100)
+    ball = compile_expression((p - sympy.Rational(1, 3)) ** exponent, (p,))([to_arb(third.lo)])
+    assert ball.contains(0) and upper(ball) < Fraction(1, 10**30)

@@ -211,6 +211,17 @@ def test_mixing_encloses_the_matrix_exponential(name: str) -> None:
     assert max(widths) < 0.25
 
 
+@pytest.mark.parametrize("size", [6, 15])
+def test_the_residual_of_a_column_that_has_mixed_to_the_last_bit_is_a_number(size: int) -> None:
+    """The leaves of a star mix at equal rates, so that a deviation becomes a ball around 0."""
+    hub, leaf = Fraction(1, size - 1), Fraction(1)
+    L = [[Fraction(1), *[-hub] * (size - 1)]]
+    L += [[-leaf, *(leaf * int(j == i) for j in range(1, size))] for i in range(1, size)]
+    r = [Fraction(1, 2), *[Fraction(1, 2) * hub] * (size - 1)]
+    grid = mixing(tuple(map(tuple, L)), r, Fraction(1, 8), 384)
+    assert all(entry.is_finite() and 0 < entry < 1e-20 for entry in grid.residual)
+
+
 def test_mixing_can_be_too_coarse_to_be_of_use(five_agents: Plant) -> None:
     """On one long step nothing keeps ``ξ`` from 0; the design says so instead of dividing by it."""
     L, r = laplacian(five_agents.digraph), left_null_vector(five_agents.digraph)

@@ -30,6 +30,17 @@ def rational_ball(value: Fraction) -> arb:
     return arb(fmpq(value.numerator, value.denominator))
 
 
+def ball_power(ball: arb, exponent: int) -> arb:
+    """``x^exponent`` for an integer exponent.
+
+    python-flint's ``**`` goes through the logarithm when the middle of a ball is exactly 0, and ends as NaN.
+    """
+    if exponent <= 0 or not ball.mid().is_zero():
+        return ball**exponent
+    size = ball.abs_upper() ** exponent
+    return size.union(-size if exponent % 2 else arb(0))
+
+
 def to_ends(value: Fraction | Interval) -> Ends:
     """Exact dyadic ends that enclose a rational or an interval."""
     low, high = (value.lo, value.hi) if isinstance(value, Interval) else (value, value)

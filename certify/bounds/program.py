@@ -10,7 +10,7 @@ import sympy
 from flint import arb, ctx, fmpq
 
 from certify.bounds import ranges
-from certify.bounds.conversions import PRECISION, NonFiniteError, lower, to_ends, upper
+from certify.bounds.conversions import PRECISION, NonFiniteError, ball_power, lower, to_ends, upper
 from certify.bounds.ranges import FUNCTIONS, Ends
 from symbolic.plant import Interval
 
@@ -101,7 +101,7 @@ class Program:
                 for k in operands[1:]:
                     value = value + registers[k]
             elif operation == "power":
-                value = registers[operands[0]] ** step.exponent
+                value = ball_power(registers[operands[0]], step.exponent)
             elif operation == "constant":
                 value = self._balls[index]
             else:

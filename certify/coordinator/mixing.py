@@ -10,6 +10,7 @@ from fractions import Fraction
 from flint import arb, arb_mat, ctx
 
 from certify.bounds.balls import PRECISION, to_arb
+from certify.bounds.conversions import ball_power
 
 Rows = tuple[tuple[Fraction, ...], ...]
 
@@ -20,8 +21,7 @@ class Mixing:
 
     ``matrices[k]`` encloses ``X(t_k)``, ``t_k = k·step``; ``ranges[k][i]`` encloses ``ξ_i^i`` on ``[t_k, t_k + step]``;
     ``smallest``, ``largest`` are its extremes over all ``t >= 0``. ``residual[i] >= |ξ_i^i(t) − r_i| e^(λ̂(t − T0))``
-    for
-    ``t >= T0``, where ``λ̂`` is any rate with ``Rm L + LᵀRm ⪰ 2λ̂(Rm − r rᵀ)``.
+    for ``t >= T0``, where ``λ̂`` is any rate with ``Rm L + LᵀRm ⪰ 2λ̂(Rm − r rᵀ)``.
     """
 
     step: Fraction
@@ -59,11 +59,18 @@ def mixing(laplacian: Rows, left_null_vector: Sequence[Fraction], step: Fraction
         smallest = tuple(_least([row[i][0] for row in ranges] + [last[i][0]]) for i in range(size))
         largest = tuple(_greatest([row[i][1] for row in ranges] + [last[i][1]]) for i in range(size))
         r = [to_arb(entry) for entry in left_null_vector]
-        residual = tuple(
-            (sum((r[j] * (columns[i][j] - r[i]) ** 2 for j in range(size)), arb(0)) / r[i]).sqrt().upper()
-            for i in range(size)
-        )
+        residual = tuple(_norm([(columns[i][j] - r[i], r[j]) for j in range(size)], r[i]) for i in range(size))
     return Mixing(step, tuple(matrices), tuple(ranges), smallest, largest, residual)
+
+
+def _norm(deviations: Sequence[tuple[arb, arb]], unit: arb) -> arb:
+    """An upper bound of ``√(Σ w x²/unit)`` over the pairs ``(x, w)``.
+
+    Once a column has mixed to the last bit its deviations are balls around 0: their squares are taken of upper ends,
+    since a ball that reaches below 0 has no root.
+    """
+    total = sum((weight * ball_power(deviation.abs_upper(), 2) for deviation, weight in deviations), arb(0))
+    return (total / unit).upper().sqrt().upper()
 
 
 def _columns(matrix: arb_mat) -> list[list[arb]]:
