@@ -18,13 +18,13 @@ from pathlib import Path
 
 from certify.certificate import Json, read_certificate, write_certificate
 from certify.pipeline import design_gains
-from reports.certificate_view import certified_gains
-from reports.command_line.controllers import certified_controller
+from certify.statement.bounds import proved_bounds
+from certify.statement.claim import certified_gains
+from certify.statement.controller import certified_controller
+from certify.statement.recomputed import coordinator_envelope
 from reports.cross_checked import ending
-from reports.recomputed import coordinator_envelope
-from reports.region import region
-from reports.region_bounds import signal_bounds
 from sims.bounds import SignalBound
+from sims.certified_bounds import signal_bounds
 from sims.cross_check import cross_check
 from sims.executors import processors
 from sims.falsifier import HORIZON
@@ -50,7 +50,7 @@ def certificate_of(plant: Plant, kept: Path | None) -> Json | str:
     return result.certificate
 
 
-def proved_bounds(plant: Plant, certificate: Json) -> tuple[SignalBound, ...]:
+def signals_of(plant: Plant, certificate: Json) -> tuple[SignalBound, ...]:
     """The bounds of the certified region; none where they cannot be stated."""
     certified = certified_gains(certificate)
     if certified is None or not certified.has_tubes:
@@ -58,7 +58,7 @@ def proved_bounds(plant: Plant, certificate: Json) -> tuple[SignalBound, ...]:
     envelope = coordinator_envelope(plant, certified)
     if isinstance(envelope, str):
         return ()
-    found = region(plant, derive(plant, COST_VARIABLE), certified, envelope)
+    found = proved_bounds(plant, derive(plant, COST_VARIABLE), certified, envelope)
     return () if isinstance(found, str) else signal_bounds(found)
 
 
@@ -69,7 +69,7 @@ def row(path: Path, count: int, horizon: float, folder: Path | None) -> tuple[st
     if isinstance(certificate, str):
         return f"| `{path.name}` | – | – | – | no certificate: {certificate} |", False
     controller = certified_controller(certificate, plant, path.name)
-    bounds = proved_bounds(plant, certificate)
+    bounds = signals_of(plant, certificate)
     share = -(-count // len(plant.agents))
     compiled = find_spec("numba") is not None
     begun = time.monotonic()

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from reports import cells
 from reports.figures import style, svg
 from reports.typst_math import symbol_text
-from sims.region import RegionSlice, coverage
-from sims.region_plots import plot_region
+from sims.attraction import RegionSlice, coverage
+from sims.attraction_plots import plot_region
 
 COLUMNS = 3
 PANEL, WIDE = (2.2, 1.65), 3.0

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
+from certify.statement.numbers import Rounding, Shown, fraction, shown
 from reports import typst_math
-from reports.numbers import Rounding, Shown, fraction, shown
 from symbolic.plant import Interval
 
 Cell = Mapping[str, object]

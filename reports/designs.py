@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from certify.statement.exact_numbers import Matrix, Row, exact_matrix, exact_row
 from reports import cells
-from reports.exact_numbers import Matrix, Row, exact_matrix, exact_row
 from symbolic.controller import AgentController
 from symbolic.design import companion_pair, design_polynomials
 from symbolic.plant import Agent, InternalModelChoice, Plant

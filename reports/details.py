@@ -8,10 +8,10 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
+from certify.statement.bandwidth import observer_bandwidth
+from certify.statement.bounds import AgentBounds
+from certify.statement.claim import AgentClaim
 from reports.attraction import attraction_details
-from reports.bandwidth import observer_bandwidth
-from reports.certificate_view import AgentClaim, certified_gains
-from reports.region import AgentRegion
 from reports.study import Study, conclusion
 
 if TYPE_CHECKING:
@@ -27,9 +27,9 @@ def details(study: Study) -> Json:
     """Per agent: the certified region and the observer's bandwidth, where there is a verified certificate, and the
     other gains that passed."""
     found: Json = {"agents": search_details(study.gains)}
-    certified = certified_gains(study.found_certificate)
-    if study.region is not None and certified is not None and conclusion(study).verified:
-        found["region"] = [_region(agent) for agent in study.region.agents]
+    certified = study.certified
+    if study.bounds is not None and certified is not None and conclusion(study).verified:
+        found["region"] = [_region(agent) for agent in study.bounds.agents]
         found["estimates"] = [_estimates(agent) for agent in certified.agents]
     if study.slices and conclusion(study).verified:
         found["region_of_attraction"] = attraction_details(study.slices)
@@ -58,7 +58,7 @@ def _choices(agent: AgentResult) -> Json:
     }
 
 
-def _region(agent: AgentRegion) -> Json:
+def _region(agent: AgentBounds) -> Json:
     bound = agent.input
     return {
         "id": agent.id,

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
+from certify.statement.claim import CertifiedGains
+from certify.statement.numbers import fraction
+from certify.statement.tube import Tube
 from reports import cells, tables
-from reports.certificate_view import CertifiedGains
 from reports.designs import chosen_designs
-from reports.numbers import fraction
 from reports.study import Study
-from reports.tube_view import Tube
 from reports.typst_math import number
 from symbolic.plant import RequestedGains
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from numpy.typing import NDArray
 
-from reports.numbers import fraction
+from certify.statement.numbers import fraction
 from symbolic.network import cuts, left_null_vector
 from symbolic.plant import Digraph
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from certify.statement.bounds import ProvedBounds
 from reports.figures import style
-from reports.region import Region
 from sims.closed_loop import Trajectory
 
 DRAWN_UP_TO = 12
@@ -18,7 +18,7 @@ BOUND, RUN = "#1f4e79", "#D55E00"
 DECADES = 7
 
 
-def settling_figure(region: Region, runs: Sequence[Trajectory], horizon: float) -> Figure:
+def settling_figure(region: ProvedBounds, runs: Sequence[Trajectory], horizon: float) -> Figure:
     """``|y_i − s*|`` over ``[0, horizon]`` seconds, logarithmic: the bound and the runs, which must stay below."""
     agents = region.agents[:DRAWN_UP_TO]
     columns = min(COLUMNS, len(agents))

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from certify.statement.bandwidth import observer_bandwidth
+from certify.statement.bounds import AgentBounds, ProvedBounds
+from certify.statement.claim import AgentClaim, CertifiedGains
+from certify.statement.numbers import Rounding, rounded
 from reports import cells
-from reports.bandwidth import observer_bandwidth
-from reports.certificate_view import AgentClaim, CertifiedGains
 from reports.designs import design_lines
 from reports.figures import svg
-from reports.numbers import Rounding, rounded
-from reports.region import AgentRegion, Region
 from reports.region_figure import DRAWN_UP_TO, settling_figure
 from reports.typst_math import number, number_text, symbol_text
 from symbolic.plant import Interval, Plant
@@ -33,7 +33,7 @@ Rows = list[list[cells.Cell]]
 
 
 def region_section(
-    found: Region, certified: CertifiedGains, plant: Plant, gains: GainsResult | None, runs: Sequence[Trajectory]
+    found: ProvedBounds, certified: CertifiedGains, plant: Plant, gains: GainsResult | None, runs: Sequence[Trajectory]
 ) -> dict[str, Any]:
     """The data of ``region.typ``; ``runs`` are trajectories with the certified gains.
 
@@ -62,7 +62,7 @@ def _picture(figure: Figure) -> dict[str, Any]:
     return {"svg": svg(figure), "width": 72 * float(figure.get_figwidth())}
 
 
-def closest(found: Region, runs: Sequence[Trajectory]) -> float:
+def closest(found: ProvedBounds, runs: Sequence[Trajectory]) -> float:
     """The largest ``|y_i − s*|`` of the runs as a part of its bound at that time: at most 1."""
     ratios = [
         float(np.nanmax(run.error[agent.id - 1] / agent.error.at(run.t))) for run in runs for agent in found.agents
@@ -82,7 +82,7 @@ def _range(side: Interval) -> cells.Cell:
     return cells.math(f"[{_number(side.lo, 'down')}, {_number(side.hi, 'up')}]")
 
 
-def _states(agent: AgentRegion) -> Rows:
+def _states(agent: AgentBounds) -> Rows:
     rows = []
     for place, bound in enumerate(agent.states):
         name = symbol_text(bound.state.name)
@@ -100,7 +100,7 @@ def _states(agent: AgentRegion) -> Rows:
     return rows
 
 
-def _settling(agent: AgentRegion) -> list[cells.Cell]:
+def _settling(agent: AgentBounds) -> list[cells.Cell]:
     error = agent.error
     return [
         cells.text(agent.id),
@@ -110,7 +110,7 @@ def _settling(agent: AgentRegion) -> list[cells.Cell]:
     ]
 
 
-def _inputs(agent: AgentRegion, runs: Sequence[Trajectory]) -> list[cells.Cell]:
+def _inputs(agent: AgentBounds, runs: Sequence[Trajectory]) -> list[cells.Cell]:
     bound = agent.input
     internal = cells.text("–") if bound.internal is None else _bound(bound.internal)
     proved = (bound.steady, bound.peak, bound.after, agent.reaching)

@@ -8,15 +8,15 @@ from math import isfinite
 from typing import Any
 
 from certify.routes import DEFAULT, ROUTES
+from certify.statement.claim import CertifiedGains
+from certify.statement.numbers import fraction, scientific, shown
 from reports import cells, tables
 from reports.agent_types import coordinates_section
 from reports.attraction import attraction_section
-from reports.certificate_view import CertifiedGains, certified_gains
 from reports.cross_checked import SECONDS, ending, sentence
 from reports.figures import style, svg
 from reports.gains_sections import claim_section, gains_section, numbers_section, stability_rows
 from reports.network_figure import draw_network
-from reports.numbers import fraction, scientific, shown
 from reports.paper_notes import notes_for
 from reports.provenance import reproducibility_section
 from reports.region_sections import region_section
@@ -36,7 +36,7 @@ NETWORK_SIZES = ((2, (4.4, 1.2)), (16, (5.4, 2.9)), (DRAWN_UP_TO, (6.4, 4.4)))  
 def document_data(study: Study) -> dict[str, Any]:
     """Everything the templates show."""
     ended = conclusion(study)
-    certified = certified_gains(study.found_certificate)
+    certified = study.certified
     return {
         "name": cells.text(study.plant.name, 120)["text"],
         "date": None if study.date is None else study.date.isoformat(),
@@ -89,12 +89,12 @@ def _texts(study: Study, certified: CertifiedGains | None) -> str:
 
 def _region(study: Study, certified: CertifiedGains | None, ended: Conclusion) -> dict[str, Any] | None:
     """Bounds are stated only where the checker has verified the certificate."""
-    if study.region is None or certified is None or not ended.verified:
+    if study.bounds is None or certified is None or not ended.verified:
         return None
     runs: tuple[Trajectory, ...] = ()
     if study.trajectory is not None and study.simulated is not None and certified.same_as(study.simulated):
         runs = (study.trajectory, *study.runs)
-    return region_section(study.region, certified, study.plant, study.gains, runs)
+    return region_section(study.bounds, certified, study.plant, study.gains, runs)
 
 
 def _search(found: CrossCheck, study: Study) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def _search(found: CrossCheck, study: Study) -> dict[str, Any]:
         "margin": cells.text(margin),
         "reason": cells.text(sentence(found, len(study.plant.agents))),
         "seconds": f"{SECONDS:g}",
-        "bounded": study.region is not None,
+        "bounded": study.bounds is not None,
     }
 
 

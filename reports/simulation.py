@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from certify.statement.claim import CertifiedGains
+from certify.statement.numbers import scientific, shown
 from reports import cells
-from reports.certificate_view import CertifiedGains
 from reports.figures import style, svg
-from reports.numbers import scientific, shown
 from reports.tables import grouped
 from reports.typst_math import number, number_text
 from sims.closed_loop import Trajectory

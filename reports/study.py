@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from certify.certificate import claim_digest
+from certify.statement.claim import CertifiedGains, certified_gains
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Interval, Plant
@@ -16,10 +18,10 @@ from symbolic.plant import Interval, Plant
 if TYPE_CHECKING:
     from certify.assumptions.findings import CheckReport
     from certify.pipeline import GainsResult
-    from reports.region import Region
+    from certify.statement.bounds import ProvedBounds
+    from sims.attraction import RegionSlice
     from sims.closed_loop import Trajectory
     from sims.cross_check import CrossCheck
-    from sims.region import RegionSlice
     from symbolic.derivation import Derivation
 
 Status = Literal["certified", "refuted", "rejected", "inconclusive"]
@@ -32,8 +34,8 @@ class Study:
     ``optimum`` is ``s*`` where it is rational, ``optimum_enclosure`` encloses it. ``certificate`` is the certificate as
     read (docs/certificate.md); left out, it is that of ``gains``. ``verification`` is the answer of the independent
     checker: ``{"status": "verified" | "rejected", "claim_sha256": …, "reason": …}``. ``simulated`` is the controller of
-    ``trajectory``, which need not be the certified one; ``runs`` are further ones from random starts. ``region`` has
-    the bounds that a verified certificate of the direct route proves, ``slices`` the simulated region of attraction,
+    ``trajectory``, which need not be the certified one; ``runs`` are further ones from random starts. ``bounds`` are
+    the ones that a verified certificate of the direct route proves, ``slices`` the simulated region of attraction,
     ``search`` what a search for a counterexample
     found. ``versions`` maps names of tools and libraries to versions.
     """
@@ -49,7 +51,7 @@ class Study:
     trajectory: Trajectory | None = None
     simulated: Controller | None = None
     runs: tuple[Trajectory, ...] = ()
-    region: Region | None = None
+    bounds: ProvedBounds | None = None
     slices: tuple[RegionSlice, ...] = ()
     search: CrossCheck | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -63,6 +65,11 @@ class Study:
         if self.certificate is not None:
             return self.certificate
         return None if self.gains is None else self.gains.certificate
+
+    @cached_property
+    def certified(self) -> CertifiedGains | None:
+        """What that certificate says, read once; ``None`` where there is none or it cannot be read."""
+        return certified_gains(self.found_certificate)
 
     @property
     def verified_certificate(self) -> Mapping[str, Any] | None:

@@ -15,7 +15,7 @@ import sympy
 from sympy.printing.precedence import PRECEDENCE, precedence
 from sympy.printing.printer import Printer
 
-from reports.numbers import Shown, shown
+from certify.statement.numbers import Shown, shown
 
 GREEK = frozenset(
     "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho sigma tau upsilon phi chi"
@@ -55,7 +55,7 @@ def number(value: Fraction | int | Shown) -> str:
 
 
 def number_text(text: str, inline: bool = False) -> str:
-    """The Typst math of a number as :mod:`reports.numbers` writes it: ``-1.5``, ``2/11``, ``4.2e44``."""
+    """The Typst math of a number as :mod:`certify.statement.numbers` writes it: ``-1.5``, ``2/11``, ``4.2e44``."""
     sign = "-" if text.startswith("-") else ""
     body = text.removeprefix("-")
     if "/" in body:

@@ -12,8 +12,7 @@ import pytest
 from closed_loops import controller_for
 
 from reports.attraction import attraction_details, attraction_figure, attraction_section
-from sims.bounds import ERROR, SignalBound
-from sims.region import (
+from sims.attraction import (
     CONVERGES,
     ESCAPES,
     STAYS,
@@ -25,7 +24,8 @@ from sims.region import (
     slice_names,
     wilson,
 )
-from sims.region_plots import LOOKS, plot_bounds, plot_region
+from sims.attraction_plots import LOOKS, plot_bounds, plot_region
+from sims.bounds import ERROR, SignalBound
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Interval, Plant

@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from certify.assumptions.findings import CheckReport, Finding
 from certify.certificate import claim_digest
 from certify.results import GainsResult
+from certify.statement.claim import certified_gains
+from certify.statement.numbers import floor_log10, fraction, log10, scientific, shown, with_log10
 from reports import cells, tables
-from reports.certificate_view import certified_gains
 from reports.document import MAIN, TEMPLATES, build_report, typeset
-from reports.numbers import floor_log10, fraction, log10, scientific, shown, with_log10
 from reports.paper_notes import NOTES, notes_for
 from reports.provenance import portable
 from reports.sections import document_data

@@ -21,24 +21,24 @@ from hypothesis import strategies as st
 from certify.certificate import Json, claim_digest
 from certify.pipeline import design_gains
 from certify.results import Alternative, GainsResult
-from reports.bandwidth import observer_bandwidth
-from reports.certificate_view import CertifiedGains, certified_gains
+from certify.statement.bandwidth import observer_bandwidth
+from certify.statement.bounds import ProvedBounds, proved_bounds
+from certify.statement.claim import CertifiedGains, certified_gains
+from certify.statement.controller import certified_controller
+from certify.statement.error_envelope import ErrorEnvelope
+from certify.statement.input_bound import InputBound, input_bound
+from certify.statement.numbers import rounded
+from certify.statement.recomputed import coordinator_envelope
+from certify.statement.tube import Reaching, Tube
 from reports.command_line import certified_steps
-from reports.command_line.controllers import certified_controller
 from reports.command_line.steps import Steps
 from reports.cross_checked import ending, search_fields, sentence
 from reports.details import details
 from reports.document import build_report
-from reports.error_envelope import ErrorEnvelope
-from reports.input_bound import InputBound, input_bound
-from reports.numbers import rounded
-from reports.recomputed import coordinator_envelope
-from reports.region import Region, region
-from reports.region_bounds import signal_bounds
 from reports.region_sections import closest
 from reports.sections import document_data
 from reports.study import Study, conclusion
-from reports.tube_view import Reaching, Tube
+from sims.certified_bounds import signal_bounds
 from sims.closed_loop import Trajectory, simulate
 from sims.cross_check import CrossCheck
 from sims.falsifier import Tried
@@ -88,14 +88,14 @@ class Certified:
     gains: GainsResult
     certificate: Json
     view: CertifiedGains
-    region: Region
+    bounds: ProvedBounds
 
     @property
     def study(self) -> Study:
         answer = {"status": "verified", "claim_sha256": claim_digest(self.certificate), "reason": ""}
         return Study(
             self.plant, optimum=OPTIMUM, derivation=self.derivation, gains=self.gains, certificate=self.certificate,
-            verification=answer, region=self.region,
+            verification=answer, bounds=self.bounds,
         )  # fmt: skip
 
     @property
@@ -112,8 +112,8 @@ def certified() -> Certified:
     assert view is not None
     assert gains.envelope is not None
     derivation = derive(plant, sympy.Rational(OPTIMUM.numerator, OPTIMUM.denominator))
-    found = region(plant, derivation, view, gains.envelope)
-    assert isinstance(found, Region)
+    found = proved_bounds(plant, derivation, view, gains.envelope)
+    assert isinstance(found, ProvedBounds)
     return Certified(plant, derivation, gains, gains.certificate, view, found)
 
 
@@ -133,7 +133,7 @@ def runs(certified: Certified) -> tuple[Trajectory, ...]:
 def test_no_run_leaves_the_region(certified: Certified, runs: tuple[Trajectory, ...]) -> None:
     for run in runs:
         assert run.status == "completed"
-        for agent, bounds in zip(run.agents, certified.region.agents, strict=True):
+        for agent, bounds in zip(run.agents, certified.bounds.agents, strict=True):
             assert np.all(run.error[bounds.id - 1] <= bounds.error.at(run.t) + 1e-6)
             for values, bound in zip((*agent.z, *agent.x), bounds.states, strict=True):
                 assert float(bound.whole.lo) - 1e-6 <= values.min()
@@ -141,16 +141,16 @@ def test_no_run_leaves_the_region(certified: Certified, runs: tuple[Trajectory, 
             assert np.abs(agent.u).max() <= float(bounds.input.peak)
             late = run.t >= float(bounds.reaching)
             assert np.abs(agent.u[late]).max() <= float(bounds.input.after)
-    assert 0.01 < closest(certified.region, runs) <= 1.0
+    assert 0.01 < closest(certified.bounds, runs) <= 1.0
 
 
 def test_bounds_that_are_too_small_are_left(certified: Certified, runs: tuple[Trajectory, ...]) -> None:
     """The other way round: the test above can fail."""
     shrunk = tuple(
         replace(agent, error=replace(agent.error, values=tuple(value / 10 for value in agent.error.values)))
-        for agent in certified.region.agents
+        for agent in certified.bounds.agents
     )
-    assert closest(Region(shrunk), runs) > 1.0
+    assert closest(ProvedBounds(shrunk), runs) > 1.0
 
 
 def test_the_boxes_of_the_tube_alone_are_left_before_it_begins(
@@ -161,11 +161,11 @@ def test_the_boxes_of_the_tube_alone_are_left_before_it_begins(
     assert tube is not None and tube.grid[0] > 0
     apart = max(np.abs(run.agents[0].x[0] - run.reference[0]).max() for run in runs)
     assert float(tube.peak(0)) < apart <= float(tube.furthest(0))
-    assert certified.region.agents[0].states[0].distance == tube.furthest(0)
+    assert certified.bounds.agents[0].states[0].distance == tube.furthest(0)
 
 
 def test_the_search_bounds_the_plant_states_for_all_time_too(certified: Certified) -> None:
-    for result, bounds in zip(certified.gains.agents, certified.region.agents, strict=True):
+    for result, bounds in zip(certified.gains.agents, certified.bounds.agents, strict=True):
         assert set(result.bounds) == {*(str(state.state) for state in bounds.states), "vartheta", "input"}
         for state in bounds.states:
             assert state.distance <= result.bounds[str(state.state)]
@@ -173,13 +173,13 @@ def test_the_search_bounds_the_plant_states_for_all_time_too(certified: Certifie
 
 
 def test_a_range_of_the_zero_state_itself_is_used_where_it_is_known(certified: Certified) -> None:
-    zero, tube = certified.region.agents[1].states[0], certified.view.agents[1].tube
+    zero, tube = certified.bounds.agents[1].states[0], certified.view.agents[1].tube
     assert tube is not None and tube.ranges
     unknown = replace(certified.view.agents[1], tube=replace(tube, ranges=()))
     assert certified.gains.envelope is not None
     view = replace(certified.view, agents=(certified.view.agents[0], unknown))
-    wider = region(certified.plant, certified.derivation, view, certified.gains.envelope)
-    assert isinstance(wider, Region)
+    wider = proved_bounds(certified.plant, certified.derivation, view, certified.gains.envelope)
+    assert isinstance(wider, ProvedBounds)
     without = wider.agents[1].states[0]
     assert without.distance == tube.furthest(0) > zero.distance
     assert without.whole.lo < zero.whole.lo <= zero.whole.hi <= without.whole.hi
@@ -211,16 +211,16 @@ def test_the_input_before_and_after_the_saturation_by_hand(certified: Certified)
 def test_the_region_from_the_two_files_is_that_of_the_search(certified: Certified) -> None:
     again = coordinator_envelope(certified.plant, certified.view)
     assert not isinstance(again, str)
-    assert region(certified.plant, certified.derivation, certified.view, again) == certified.region
+    assert proved_bounds(certified.plant, certified.derivation, certified.view, again) == certified.bounds
 
 
 def test_a_state_is_named_with_what_it_approaches(certified: Certified) -> None:
-    targets = [[(str(s.state), s.target) for s in agent.states] for agent in certified.region.agents]
+    targets = [[(str(s.state), s.target) for s in agent.states] for agent in certified.bounds.agents]
     assert targets == [[("x1", "reference")], [("z1", "steady state"), ("x1", "reference"), ("x2", "origin")]]
 
 
 def test_the_region_is_a_claim_that_a_search_can_try_to_break(certified: Certified) -> None:
-    bounds = signal_bounds(certified.region)
+    bounds = signal_bounds(certified.bounds)
     assert [(bound.agent, bound.signal) for bound in bounds] == [
         (1, "error"), (1, "x1"), (2, "error"), (2, "z1"), (2, "x1"), (2, "x2"),
     ]  # fmt: skip
@@ -329,7 +329,7 @@ def test_other_gains_that_passed_are_named_with_their_reason(certified: Certifie
 def test_details_are_json_with_exact_numbers_as_text(certified: Certified) -> None:
     found = json.loads(json.dumps(details(certified.study)))
     state = found["region"][1]["states"]["x2"]
-    assert Fraction(state["range"][1]) == certified.region.agents[1].states[2].whole.hi
+    assert Fraction(state["range"][1]) == certified.bounds.agents[1].states[2].whole.hi
     assert found["estimates"][0] == {"id": 1, "observer": None}
     assert found["estimates"][1]["observer"]["fastest_rad_per_s"] == pytest.approx(6000, rel=1e-2)
 
@@ -397,7 +397,7 @@ def test_the_search_tries_the_certified_gains_against_the_region(
     study = certified_steps.with_search(certified.study, Steps())
     assert study.search == checked(10, 0)
     assert seen["controller"] == certified.controller
-    assert seen["bounds"] == signal_bounds(certified.region)
+    assert seen["bounds"] == signal_bounds(certified.bounds)
     assert certified_steps.with_search(replace(certified.study, verification=None), Steps()).search is None
     assert "left out: there is no verified certificate" in capsys.readouterr().err
 

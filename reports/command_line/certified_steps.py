@@ -6,19 +6,19 @@ from dataclasses import replace
 from importlib.util import find_spec
 
 from certify.coordinator.envelope import Envelope
-from reports.certificate_view import CertifiedGains, certified_gains
-from reports.command_line.controllers import certified_controller
+from certify.statement.bounds import proved_bounds
+from certify.statement.claim import CertifiedGains
+from certify.statement.controller import certified_controller
+from certify.statement.recomputed import coordinator_envelope
 from reports.command_line.simulate import HORIZON
 from reports.command_line.steps import Steps
 from reports.cross_checked import SECONDS, sentence
-from reports.recomputed import coordinator_envelope
-from reports.region import region
-from reports.region_bounds import signal_bounds
 from reports.study import Study, conclusion
+from sims.attraction import region_slices
+from sims.certified_bounds import signal_bounds
 from sims.closed_loop import simulate
 from sims.cross_check import cross_check
 from sims.executors import processors
-from sims.region import region_slices
 from sims.scenario import random_scenario
 
 SEED = 0
@@ -30,7 +30,7 @@ POINTS, POINTS_SLOWLY = 19, 13
 
 def with_region(study: Study, steps: Steps) -> Study:
     """The bounds that a verified certificate with tubes proves."""
-    certified = certified_gains(study.found_certificate)
+    certified = study.certified
     if certified is None or not certified.has_tubes or not conclusion(study).verified:
         return study
     with steps.step("region") as report:
@@ -38,20 +38,20 @@ def with_region(study: Study, steps: Steps) -> Study:
         if isinstance(envelope, str) or study.derivation is None:
             report(f"left out: {envelope}")
             return study
-        found = region(study.plant, study.derivation, certified, envelope)
+        found = proved_bounds(study.plant, study.derivation, certified, envelope)
         if isinstance(found, str):
             report(f"left out: {found}")
             return study
         worst = max(float(agent.error.peak) for agent in found.agents)
         report(f"|y_i - s*| <= {worst:.3g} for all t >= 0")
-    return replace(study, region=found)
+    return replace(study, bounds=found)
 
 
 def with_runs(study: Study, steps: Steps) -> Study:
     """Runs from random starts beside the one from the centre, where that used the certified gains."""
-    if study.region is None or study.trajectory is None or study.simulated is None:
+    if study.bounds is None or study.trajectory is None or study.simulated is None:
         return study
-    certified = certified_gains(study.found_certificate)
+    certified = study.certified
     if certified is None or not certified.same_as(study.simulated):
         return study
     controller, plant = study.simulated, study.plant
@@ -72,7 +72,7 @@ def with_slices(study: Study, steps: Steps, scheduler: str | None = None) -> Stu
 
     Where it runs is chosen as for :func:`with_search`.
     """
-    certified = certified_gains(study.found_certificate)
+    certified = study.certified
     if certified is None or certified.too_large or not conclusion(study).verified:
         return study
     compiled = _compiled(scheduler)
@@ -100,14 +100,14 @@ def with_search(study: Study, steps: Steps, scheduler: str | None = None) -> Stu
 
     On the workers of a Dask ``scheduler``; else compiled where the extra ``fast`` is installed, in processes if not.
     """
-    certified = certified_gains(study.found_certificate)
+    certified = study.certified
     if certified is None or not conclusion(study).verified:
         steps.note("falsify", "left out: there is no verified certificate")
         return study
     if certified.too_large:
         steps.note("falsify", "left out: no integrator in floats follows gains this large")
         return study
-    bounds = () if study.region is None else signal_bounds(study.region)
+    bounds = () if study.bounds is None else signal_bounds(study.bounds)
     compiled = _compiled(scheduler)
     with steps.step("falsify") as report:
         controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")

@@ -47,7 +47,7 @@ def command(
     read = read_certificate(certificate)
     if output is not None:
         require_writable(output)
-    from reports.command_line.controllers import certified_controller
+    from certify.statement.controller import certified_controller
     from sims.falsifier import falsify
 
     controller = certified_controller(read, loaded, str(certificate))

@@ -61,8 +61,8 @@ def outcome(result: GainsResult, plant: Plant) -> Outcome:
 
 def _others(result: GainsResult, plant: Plant) -> list[str]:
     """One line per other choice that passed."""
+    from certify.statement.numbers import with_log10
     from reports.designs import design_lines
-    from reports.numbers import with_log10
 
     lines = []
     for agent, described in zip(result.agents, plant.agents, strict=False):
@@ -79,7 +79,7 @@ def gains_table(gains: Mapping[str, Any] | None) -> list[str]:
     """One line per agent, rounded to four digits, log10 beside large numbers; the exact numbers are in the JSON."""
     if gains is None:
         return []
-    from reports.numbers import with_log10
+    from certify.statement.numbers import with_log10
 
     def shown(value: str | None) -> str:
         return "-" if value is None else with_log10(Fraction(value))

@@ -46,7 +46,8 @@ def command(
     read = None if certificate is None else read_certificate(certificate)
     make_folder(output)
     prepare_drawing()
-    from reports.command_line.controllers import certified_controller, demonstration_controller
+    from certify.statement.controller import certified_controller
+    from reports.command_line.demonstration import demonstration_controller
     from sims.closed_loop import simulate
 
     steps = Steps()

@@ -14,8 +14,8 @@ from certify.assumptions.check import check_assumptions
 from certify.certificate import Json
 from certify.optimum import NoOptimumError, optimum
 from certify.pipeline import design_gains, tool_versions
-from reports.certificate_view import certified_gains
-from reports.command_line.controllers import certified_controller, demonstration_controller
+from certify.statement.controller import certified_controller
+from reports.command_line.demonstration import demonstration_controller
 from reports.command_line.derive import derived
 from reports.command_line.simulate import HORIZON, obstacle, sentence
 from reports.command_line.steps import Steps
@@ -94,7 +94,7 @@ def with_simulation(study: Study, steps: Steps) -> Study:
 
 
 def _simulable(study: Study) -> Controller | None:
-    certified = certified_gains(study.found_certificate)
+    certified = study.certified
     if certified is None or certified.too_large or not conclusion(study).verified:
         return None
     return certified_controller(study.found_certificate or {}, study.plant, "the certificate")

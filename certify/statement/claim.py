@@ -9,9 +9,9 @@ from typing import Any
 
 from certify.certificate import claim_digest
 from certify.routes import route_of_theorem
-from reports.exact_numbers import Matrix, Row, exact, exact_matrix, exact_row
-from reports.numbers import floor_log10
-from reports.tube_view import Tube, tube
+from certify.statement.exact_numbers import Matrix, Row, exact, exact_matrix, exact_row
+from certify.statement.numbers import floor_log10
+from certify.statement.tube import Tube, tube
 from symbolic.controller import Controller
 from symbolic.plant import Interval
 

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
-from reports.exact_numbers import Matrix, Row, exact, exact_matrix, exact_row
+from certify.statement.exact_numbers import Matrix, Row, exact, exact_matrix, exact_row
 from symbolic.plant import Interval
 
 

@@ -9,8 +9,8 @@ from fractions import Fraction
 import sympy
 
 from certify.bounds.suprema import lower_bound, magnitude_bound
-from reports.certificate_view import AgentClaim
-from reports.tube_view import Tube
+from certify.statement.claim import AgentClaim
+from certify.statement.tube import Tube
 from symbolic.plant import Agent, Interval
 
 

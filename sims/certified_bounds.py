@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from reports.region import Region
+from certify.statement.bounds import ProvedBounds
 from sims.bounds import ERROR, SignalBound
 
 # what the integrator's tolerance may add; a bound is only broken by more
 SLACK = Fraction(1, 10**6)
 
 
-def signal_bounds(found: Region) -> tuple[SignalBound, ...]:
+def signal_bounds(found: ProvedBounds) -> tuple[SignalBound, ...]:
     """``|y − s*|`` over time and every plant state for all time, a millionth wider than proved."""
     bounds = []
     for agent in found.agents:

@@ -8,7 +8,7 @@ from certify.coordinator.mixing import mixing
 from certify.coordinator.nominal import CoordinatorModel, cost_gradient
 from certify.coordinator.stability import damping_ranges
 from certify.curvature import Curvature, cost_curvature
-from reports.certificate_view import CertifiedGains
+from certify.statement.claim import CertifiedGains
 from symbolic.network import laplacian, left_null_vector
 from symbolic.plant import Interval, Plant
 

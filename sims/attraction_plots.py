@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from sims.attraction import CONVERGES, ESCAPES, STAYS, UNKNOWN, RegionSlice
 from sims.bounds import ERROR, SignalBound
-from sims.region import CONVERGES, ESCAPES, STAYS, UNKNOWN, RegionSlice
 from sims.signals import Array
 
 LOOKS = {

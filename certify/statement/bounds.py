@@ -19,10 +19,10 @@ import sympy
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
 from certify.bounds.suprema import range_bound
 from certify.coordinator.envelope import AgentEnvelope, Envelope
-from reports.certificate_view import CertifiedGains
-from reports.error_envelope import ErrorEnvelope, error_envelope
-from reports.input_bound import InputBound, input_bound
-from reports.tube_view import Tube
+from certify.statement.claim import CertifiedGains
+from certify.statement.error_envelope import ErrorEnvelope, error_envelope
+from certify.statement.input_bound import InputBound, input_bound
+from certify.statement.tube import Tube
 from symbolic.derivation import Derivation
 from symbolic.plant import COST_VARIABLE, Agent, Interval, Plant
 from symbolic.steady_state import SteadyState
@@ -44,7 +44,7 @@ class StateBound:
 
 
 @dataclass(frozen=True)
-class AgentRegion:
+class AgentBounds:
     """One agent: its plant states, ``|y − s*|`` over time, its input, and the length ``T1`` of phase 1, in which
     the saturated feedback brings ``ϑ`` down (0 when nothing ever saturates)."""
 
@@ -56,13 +56,15 @@ class AgentRegion:
 
 
 @dataclass(frozen=True)
-class Region:
+class ProvedBounds:
     """Bounds that hold for every start in the boxes of the plant file, every ``w`` and ``v(0)``."""
 
-    agents: tuple[AgentRegion, ...]
+    agents: tuple[AgentBounds, ...]
 
 
-def region(plant: Plant, derivation: Derivation, certified: CertifiedGains, envelope: Envelope) -> Region | str:
+def proved_bounds(
+    plant: Plant, derivation: Derivation, certified: CertifiedGains, envelope: Envelope
+) -> ProvedBounds | str:
     """The bounds that the certificate's boxes prove, or why they cannot be stated. The certificate must be verified."""
     disturbance = exosystem_bounds(plant.exosystem)
     if not isinstance(disturbance, ExosystemBounds):
@@ -81,7 +83,7 @@ def region(plant: Plant, derivation: Derivation, certified: CertifiedGains, enve
         if isinstance(input_, str):
             return input_
         agents.append(_agent(agent, derived.steady_state, input_, claim.tube, reference, envelope, box))
-    return Region(tuple(agents))
+    return ProvedBounds(tuple(agents))
 
 
 def _agent(
@@ -92,7 +94,7 @@ def _agent(
     reference: AgentEnvelope,
     envelope: Envelope,
     box: Box,
-) -> AgentRegion:
+) -> AgentBounds:
     zeros = len(agent.zero_states)
     error = error_envelope(tube, zeros, reference, envelope)
     states = [
@@ -103,7 +105,7 @@ def _agent(
     states.append(_state(output, "reference", _around(box[COST_VARIABLE], error.peak), tube, zeros))
     for k, state in enumerate(agent.chain[1:], zeros + 1):
         states.append(_state(state, "origin", _around(origin, tube.furthest(k)), tube, k))
-    return AgentRegion(agent.id, tuple(states), error, input_, reaching=tube.reaching.grid[-1])
+    return AgentBounds(agent.id, tuple(states), error, input_, reaching=tube.reaching.grid[-1])
 
 
 def _zero_state(state: sympy.Symbol, k: int, steady: Interval, initial: Sequence[Interval], tube: Tube) -> StateBound:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from certify.coordinator.envelope import AgentEnvelope, Envelope
-from reports.tube_view import Tube
+from certify.statement.tube import Tube
 
 # a float logarithm is right to a few units of 1e-16
 _UP = Fraction(1) + Fraction(1, 10**9)
