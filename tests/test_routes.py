@@ -18,7 +18,7 @@ from certify.checker.theorems import THEOREMS, Theorem
 from certify.checker.verdict import require
 from certify.pipeline import design_gains
 from certify.routes import DEFAULT, RECIPE, ROUTES, route_of_theorem
-from reports.certificate_view import _VIEWS
+from certify.statement.claim import _VIEWS
 from symbolic.plant_file import parse_plant
 
 TEMPLATES = Path(__file__).parent.parent / "reports" / "templates"
