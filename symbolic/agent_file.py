@@ -14,7 +14,7 @@ from symbolic.names import Scope
 from symbolic.plant import COST_VARIABLE, Agent, InternalModelChoice, symbol
 from symbolic.tables import Table, Value, array, expression, integer, interval, vector
 
-MAX_AGENTS = 10_000
+MAX_AGENTS = 1_000
 MAX_ORDER = 16
 MAX_ZERO_STATES = 16
 MAX_PARAMETERS = 64

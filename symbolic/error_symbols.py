@@ -53,15 +53,20 @@ class ErrorSymbols:
     gains: DesignSymbols
 
 
+def unused(name: str, taken: set[str]) -> str:
+    """The name with as many underscores as it takes to be a new one, which from now on is taken."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
+
+
 def error_symbols(zero_states: int, order: int, internal_order: int, taken: Iterable[sympy.Symbol]) -> ErrorSymbols:
     """One symbol for each, with underscores appended to a name the plant already uses."""
     names = {str(name) for name in taken}
 
     def fresh(name: str) -> sympy.Symbol:
-        while name in names:
-            name += "_"
-        names.add(name)
-        return symbol(name)
+        return symbol(unused(name, names))
 
     def several(name: str, count: int) -> Symbols:
         return tuple(fresh(f"{name}{k}") for k in range(1, count + 1))

@@ -109,7 +109,7 @@ def decimal(text: str) -> Fraction:
     digits = match["whole"] + part
     if len(digits) > MAX_DIGITS:
         raise ValueError(f"the number has {len(digits)} digits, more than {MAX_DIGITS}")
-    if len(exponent) > 6 or abs(int(exponent)) > MAX_DECIMAL_EXPONENT:
+    if len(exponent.lstrip("+-")) > 6 or abs(int(exponent)) > MAX_DECIMAL_EXPONENT:
         raise ValueError(f"the number's exponent is beyond {MAX_DECIMAL_EXPONENT}")
     return Fraction(int(digits)) * Fraction(10) ** (int(exponent) - len(part))
 
@@ -210,7 +210,8 @@ class _Parser:
 
     def atom(self) -> Node:
         token = self.take()
-        self.count(token.column)
+        if token.text != "(":
+            self.count(token.column)
         if token.kind == "number":
             try:
                 return Number(decimal(token.text), token.column)

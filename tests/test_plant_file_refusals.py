@@ -21,8 +21,8 @@ REFUSED = [
     ('name = "two"', r'name = "a\nb"', "name: a line of 1 to 200 printable characters is needed"),
     ('name = "two"', 'name = "two"\nplants = 3', "unknown key 'plants'; known keys: schema, name, network"),
     ("[coordinator]", "[cordinator]", "unknown key 'cordinator'; did you mean 'coordinator'?"),
-    ("agents = 2", "agents = 0", "network.agents: an integer from 1 to 10000 is needed"),
-    ("agents = 2", "agents = 10001", "network.agents: an integer from 1 to 10000 is needed"),
+    ("agents = 2", "agents = 0", "network.agents: an integer from 1 to 1000 is needed"),
+    ("agents = 2", "agents = 1001", "network.agents: an integer from 1 to 1000 is needed"),
     ("agents = 2", "agents = true", "network.agents: an integer is needed, found a boolean"),
     ("agents = 2", "agents = 2.0", "network.agents: an integer is needed, found a decimal number"),
     ("agents = 2", "agents = 3", "agent: agent 3 has no [[agent]] table"),
@@ -237,6 +237,6 @@ def test_a_thousand_agents_are_quick() -> None:
 
 
 def test_the_work_of_all_agents_together_is_bounded() -> None:
-    text = changed("agents = 2", "agents = 10000").replace("ids = [1, 2]", 'ids = "1-10000"')
-    text = text.replace("(s - id + 1)^2/4", "+".join(["(s - id)^2"] * 100))
+    text = changed("agents = 2", "agents = 1000").replace("ids = [1, 2]", 'ids = "1-1000"')
+    text = text.replace("(s - id + 1)^2/4", "+".join(["(s - id)^2"] * 500))
     assert refusal(text) == "agent: the expressions of all agents together have more than 5000000 characters"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,9 @@ ACCEPTED = [
     ("number for an expression", F, "0"),
     ("decimal is not binary", F, '"0.1*x1*p"'),
     ("longest integer", F, '"' + "9" * 1000 + '*p*x1"'),
+    ("plus sign and zeros in an exponent", F, '"1e+000001*p*x1"'),
+    ("many parentheses", F, '"' + "+".join(["((p))*(x1)"] * 499) + '"'),
+    ("64 parameters", "uncertain = { ", f"uncertain = {{ {', '.join(f'q{k} = 0' for k in range(63))}, "),
     ("square root as an exponent", F, '"(2 + p)^(1/2)*x1"'),
     ("other rational exponents", F, '"(2 + p)^(-3/4)*x1 + (2 + p)^(5/3)*x1 + 8^(1/3)*x1"'),
     ("decimal exponent", F, '"(2 + p)^1.5*x1"'),
@@ -150,6 +154,11 @@ REFUSED = [
     ("hexadecimal", F, '"0x10*x1*p"'),
     ("underscore in a number", F, '"1_0*x1*p"'),
     ("comment in an expression", F, '"p*x1 # 1"'),
+    ("Lyapunov function without zero dynamics", B, B + '\nzero_dynamics_lyapunov = "1"'),
+    ("empty internal model", B, B + "\ninternal_model = { M = [], N = [] }"),
+    ("1001 agents", "agents = 1", "agents = 1001"),
+    ("17 zero states", "order = 1", f"order = 1\nzero_dynamics = {{ {', '.join(f'q{k} = 0' for k in range(17))} }}"),
+    ("201 constants", B, f"{B}\nconstants = {{ {', '.join(f'q{k} = 0' for k in range(201))} }}"),
     ("order 0", "order = 1", "order = 0"),
     ("order 17", "order = 1", "order = 17"),
     ("order true", "order = 1", "order = true"),
@@ -167,6 +176,44 @@ REFUSED = [
     ("gain 0", "[initial]", "[gains]\nK = 0\n[initial]"),
     ("byte order mark", 'schema = "', '\ufeffschema = "'),
 ]
+
+
+NAMES_LIKE_KEYS = (
+    "box",
+    "z",
+    "x",
+    "eta",
+    "observer",
+    "reference",
+    "initial",
+    "K",
+    "M",
+    "time",
+    "period",
+    "agents",
+    "v1",
+)
+
+
+@pytest.mark.parametrize("name", NAMES_LIKE_KEYS)
+def test_a_name_is_never_a_key(name: str) -> None:
+    """A zero state called ``box`` is no default for the others; nor is any other name a key of the table it is in."""
+    text = edited(LONE, BOX, f"box = [-2, 2]\nz = {{ {name} = [-0.1, 0.1] }}")
+    text = edited(text, "order = 1", f'order = 1\nzero_dynamics = {{ {name} = "x1 - {name}", z9 = "x1 - z9" }}')
+    assert agree(text) == "accepted"
+    ends = (Fraction(-1, 10), Fraction(1, 10)), (-2, 2)
+    assert read_plant(text.encode()).agents[0].z_box == ends
+    initial = parse_plant(text.encode(), "x.toml").agents[0].initial
+    assert tuple((interval.lo, interval.hi) for interval in initial.z) == ends
+
+
+def test_an_agents_own_constants_are_not_known_in_initial() -> None:
+    text = edited(LONE, B, B + "\nconstants = { a1 = 2 }")
+    assert agree(edited(text, BOX, 'box = ["-a1", "a1"]')) == "refused"
+    assert (
+        agree(edited(LONE, "[initial]", "[constants]\na1 = 2\n[initial]").replace(BOX, 'box = ["-a1", "a1"]'))
+        == "accepted"
+    )
 
 
 @pytest.mark.parametrize(("old", "new"), [pytest.param(*case[1:], id=case[0]) for case in ACCEPTED])

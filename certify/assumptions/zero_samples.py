@@ -11,7 +11,8 @@ import sympy
 
 from certify.bounds.balls import compile_expression, to_arb
 from symbolic.constants import as_rational
-from symbolic.plant import COST_VARIABLE, Agent, Exosystem, Interval
+from symbolic.error_symbols import unused
+from symbolic.plant import COST_VARIABLE, Agent, Exosystem, Interval, symbol
 from symbolic.steady_state import SteadyState
 
 MAX_SETTINGS = 64
@@ -42,7 +43,8 @@ def zero_dynamics(
     agent: Agent, exosystem: Exosystem, steady_state: SteadyState | None, s_star: Fraction | None
 ) -> ZeroDynamics:
     """The zero dynamics in ``z̄`` around the steady state; an affine ``f0`` needs none."""
-    base = tuple(sympy.Symbol(f"{name}_star", real=True) for name in agent.zero_states)
+    taken = {str(name) for name in (*agent.zero_states, *agent.chain, *agent.parameters, *exosystem.states)}
+    base = tuple(symbol(unused(f"{name}_star", taken)) for name in agent.zero_states)
     at_base = dict(zip(agent.zero_states, base, strict=True))
     shifted = {name: name + offset for name, offset in at_base.items()}
     rates = tuple(sympy.expand(side.xreplace(shifted) - side.xreplace(at_base)) for side in agent.zero_dynamics)

@@ -35,6 +35,9 @@ SCHEMA = "consensus-plant/1"
 MAX_AGENTS = 1_000
 MAX_ORDER = 16
 MAX_NAMES = 64
+MAX_CONSTANTS = 1_000
+MAX_AGENT_CONSTANTS = 200
+MAX_EDGES = 100_000
 MAX_IRRATIONAL = 48
 
 _EDGE = re.compile(r"\s*([0-9]{1,9})\s*->\s*([0-9]{1,9})\s*")
@@ -114,7 +117,7 @@ def read_plant(data: bytes) -> Plant:
     ):
         raise Malformed("the plant's name is a line of text")
     size, laplacian = _network(root["network"])
-    constants = _constants({}, root.get("constants", {}), set())
+    constants = _constants({}, root.get("constants", {}), set(), MAX_CONSTANTS)
     exosystem, S = _exosystem(root["exosystem"], constants) if "exosystem" in root else ({}, [])
     agents = _agents(root["agent"], root["initial"], size, constants, tuple(exosystem))
     return Plant(
@@ -122,8 +125,10 @@ def read_plant(data: bytes) -> Plant:
     )
 
 
-def _constants(known: Mapping[str, Node], table: Any, taken: set[str]) -> dict[str, Node]:
+def _constants(known: Mapping[str, Node], table: Any, taken: set[str], most: int) -> dict[str, Node]:
     """The known constants and those of the table, each of which may use the earlier ones."""
+    if len(any_keys(table)) > most:
+        raise Malformed(f"more than {most} constants")
     constants = dict(known)
     taken.update(constants)
     for name, value in any_keys(table).items():
@@ -138,7 +143,7 @@ def _network(value: Any) -> tuple[int, Matrix]:
     table = table_of(value, "agents edges")
     size = integer(table["agents"], 1, MAX_AGENTS)
     laplacian = [[Fraction(0)] * size for _ in range(size)]
-    for entry in array(table["edges"]):
+    for entry in array(table["edges"], most=MAX_EDGES):
         arrow, weight = array(entry, 2) if isinstance(entry, list) else (entry, 1)
         match = _EDGE.fullmatch(arrow) if isinstance(arrow, str) else None
         if match is None:
@@ -205,10 +210,12 @@ def _agent(
     taken = {*shared, *v}
     zero = any_keys(table.get("zero_dynamics", {}))
     z = [declared(name, taken) for name in zero]
-    constants = _constants({**shared, "id": Number(Fraction(number))}, table.get("constants", {}), taken)
+    constants = _constants(
+        {**shared, "id": Number(Fraction(number))}, table.get("constants", {}), taken, MAX_AGENT_CONSTANTS
+    )
     parameters = {name: box(value, constants) for name, value in any_keys(table.get("uncertain", {})).items()}
     w = [declared(name, taken) for name in parameters]
-    if max(len(z), len(w)) > MAX_NAMES:
+    if len(z) > MAX_ORDER or len(w) > MAX_NAMES:
         raise Malformed("too many states or parameters")
 
     def read(value: Any, *names: str) -> Node:
@@ -218,12 +225,17 @@ def _agent(
         for value in table_of(table["steady_state"], " ".join(z)).values():
             read(value, "s", *v, *w)
     if "zero_dynamics_lyapunov" in table:
+        if not z:
+            raise Malformed("zero_dynamics_lyapunov: there are no zero dynamics")
         read(table["zero_dynamics_lyapunov"], *z)
     model = None
     if "internal_model" in table:
         choice = table_of(table["internal_model"], "M N")
         N = vector(choice["N"], constants)
+        if not 1 <= len(N) <= MAX_NAMES:
+            raise Malformed(f"an internal model has 1 to {MAX_NAMES} states")
         model = ([vector(row, constants, len(N)) for row in array(choice["M"], len(N))], N)
+    start = {**shared, "id": Number(Fraction(number))}  # an agent's own constants are not known in [initial]
     measured = initial.get("observer") == "measured"
     return Agent(
         id=number,
@@ -234,11 +246,11 @@ def _agent(
         f=read(table["f"], *z, *chain, *v, *w),
         b=read(table["b"], *w),
         cost=read(table["cost"], "s"),
-        z_box=_components(initial, "z", z, constants),
-        x_box=_components(initial, "x", chain, constants),
-        observer_box=None if measured else _components(initial, "observer", chain, constants),
-        eta_box=_default(initial, "eta", constants),
-        reference_box=_default(initial, "reference", constants),
+        z_box=_components(initial, "z", z, start),
+        x_box=_components(initial, "x", chain, start),
+        observer_box=None if measured else _components(initial, "observer", chain, start),
+        eta_box=_default(initial, "eta", start),
+        reference_box=_default(initial, "reference", start),
         gamma=vector(table["gamma"], constants, order - 1) if "gamma" in table else None,
         observer=vector(table["observer"], constants, order) if "observer" in table else None,
         internal_model=model,
@@ -257,8 +269,10 @@ def _components(
 ) -> tuple[Box, ...]:
     """One box for all components, an array of one per component, or a table by component; ``box`` stands in."""
     value = initial.get(key)
-    if isinstance(value, dict):
-        return tuple(_default({"box": initial.get("box"), **value}, name, constants) for name in names)
+    if isinstance(value, dict):  # its keys are the user's names, among them perhaps "box"
+        return tuple(
+            box(value[name], constants) if name in value else _default(initial, "box", constants) for name in names
+        )
     if isinstance(value, list) and names and not is_box(value):
         if not all(map(is_box, value)):
             raise Malformed(f"initial.{key}: one pair for every component is needed")

@@ -50,8 +50,8 @@ def table_of(value: Any, needed: str, optional: str = "") -> dict[str, Any]:
     return value
 
 
-def array(value: Any, length: int | None = None) -> list[Any]:
-    if not isinstance(value, list) or len(value) > MAX_ENTRIES or length not in (None, len(value)):
+def array(value: Any, length: int | None = None, most: int = MAX_ENTRIES) -> list[Any]:
+    if not isinstance(value, list) or len(value) > most or length not in (None, len(value)):
         raise Malformed("an array" + (f" of {length} entries" if length is not None else "") + " is needed")
     return value
 
