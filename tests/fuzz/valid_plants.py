@@ -21,6 +21,7 @@ INTERNAL = (
 PLAIN = "p q a1 a2 v1 v2 w1 w2 z1 z2 z3 theta mass k_1 Temperature A0 e E2 e10".split()
 TAKEN = "s id pi x1 x2 x17 sin sqrt exp".split()
 SMOOTH = ("sin", "cos", "exp", "tanh", "atan", "sinh", "cosh")
+INITIAL = ("box", "z", "x", "eta", "observer", "reference")  # the keys of the table that holds the zero states' boxes
 DEPTH = 2
 SHARED_GAINS = ("g", "K", "delta", "h")
 
@@ -32,9 +33,20 @@ class Names:
     rng: random.Random
     taken: set[str]
 
-    def new(self) -> str:
+    def new(self, first: Sequence[str] = ()) -> str:
+        """A name, for every third time one of the ``first``."""
         kind = self.rng.random()
-        pool = KEYS if kind < 0.45 else INTERNAL[:-1] if kind < 0.75 else PLAIN if kind < 0.997 else TAKEN
+        pool = (
+            first
+            if first and self.rng.random() < 0.33
+            else KEYS
+            if kind < 0.45
+            else INTERNAL[:-1]
+            if kind < 0.75
+            else PLAIN
+            if kind < 0.997
+            else TAKEN
+        )
         name = self.rng.choice(pool)
         while name in self.taken and self.rng.random() < 0.999:
             name = self.rng.choice((*KEYS, *PLAIN, *INTERNAL[:-1])) + str(self.rng.randrange(40))
@@ -144,7 +156,7 @@ def _agent(
     rng: random.Random, ids: list[int], names: Names, known: list[str], v: list[str], rational: list[str]
 ) -> tuple[str, list[str]]:
     order = rng.choice([1, 1, 2, 3])
-    z = [names.new() for _ in range(rng.choice([0, 1, 2, 3]))]
+    z = [names.new(INITIAL) for _ in range(rng.choice([0, 1, 2, 3]))]
     own = _constants(rng, names, known, rng.choice([0, 0, 1, 2]))
     numbers = Numbers(rng, [*rational, "id"])
     w = [names.new() for _ in range(rng.randint(0, 3))]
