@@ -9,7 +9,7 @@ from certify.agent_model import Matrix
 from certify.certificate import SCHEMA, Json, number, numbers, rows
 from certify.coordinator.design import CoordinatorDesign
 from symbolic.controller import AgentController
-from symbolic.plant import Interval, Plant
+from symbolic.plant import Interval, Plant, Requirements
 
 
 def network_certificate(
@@ -20,9 +20,10 @@ def network_certificate(
     coordinator: CoordinatorDesign,
     agents: Sequence[tuple[AgentController, Json]],
     versions: Mapping[str, str],
+    requirements: bool = False,
 ) -> Json:
     """The certificate of a network all of whose agents passed, each with its controller and witness; ``invariant`` is
-    ``Q``."""
+    ``Q``. With ``requirements`` the claim repeats those of the plant."""
     model = coordinator.model
     return {
         "schema": SCHEMA,
@@ -32,7 +33,10 @@ def network_certificate(
             "plant_sha256": plant.sha256,
             "alpha1": number(model.alpha1),
             "alpha2": number(model.alpha2),
-            "agents": [_controller(controller) for controller, _ in agents],
+            "agents": [
+                _controller(controller) | (_requirements(plant.requirements_of(controller.id)) if requirements else {})
+                for controller, _ in agents
+            ],
         },
         "witness": {
             "optimum": [number(optimum.lo), number(optimum.hi)],
@@ -62,4 +66,15 @@ def _controller(controller: AgentController) -> dict[str, Any]:
         "M": rows(controller.M),
         "N": numbers(controller.N),
         "psi": numbers(controller.psi),
+    }
+
+
+def _requirements(asked: Requirements) -> Json:
+    settling = asked.settling
+    return {
+        "requirements": {
+            "settling": None if settling is None else {"time": number(settling.time), "band": number(settling.band)},
+            "input": None if asked.input is None else number(asked.input),
+            "bandwidth": None if asked.bandwidth is None else number(asked.bandwidth),
+        }
     }

@@ -37,7 +37,7 @@ def design_gains(
     are."""
     check = check if check is not None else check_assumptions(plant)
     way = ROUTES[route]
-    prepared = prepare(plant, check, progress, way.proved_on_the_way, way.resolution)
+    prepared = prepare(plant, check, progress, way.proved_on_the_way, way.resolution, way.proves)
     if isinstance(prepared, Stopped):
         return _without_certificate(prepared.status, prepared.reason, route, prepared.agents)
     outcomes = _searched(way, prepared, progress)
@@ -51,7 +51,14 @@ def design_gains(
         (controller, witness) for _, controller, witness in outcomes if controller is not None and witness is not None
     ]
     certificate = network_certificate(
-        way.theorem, plant, found.enclosure, disturbance.Q or (), coordinator, parts, tool_versions()
+        way.theorem,
+        plant,
+        found.enclosure,
+        disturbance.Q or (),
+        coordinator,
+        parts,
+        tool_versions(),
+        requirements="requirements" in way.proves,
     )
     progress("checking the certificate")
     verdict = independent_check(plant.source, canonical(certificate) + b"\n")

@@ -63,10 +63,12 @@ def prepare(
     report: Report,
     optional: frozenset[str] = frozenset(),
     resolution: Resolution = FINE,
+    proved: frozenset[str] = frozenset(),
 ) -> Prepared | Stopped:
     """Everything up to the choice of gains; the exact linear condition on requested gains comes first.
 
-    An assumption in ``optional`` may be ``unknown`` (its proof is part of the route), but must not fail.
+    An assumption in ``optional`` may be ``unknown`` (its proof is part of the route), but must not fail. ``proved`` are
+    the tables of the plant file that the route proves beside the plant itself.
     """
     blocking = _blocking(check, optional)
     if blocking is not None:
@@ -75,7 +77,7 @@ def prepare(
         found = optimum(plant)
     except NoOptimumError as error:
         return Stopped("inconclusive", str(error))
-    refusal = unproved_feature(plant) or foreseen_refusal(plant)
+    refusal = unproved_feature(plant, proved) or foreseen_refusal(plant)
     if refusal:
         return Stopped("inconclusive", refusal)
     found = seen_optimum(plant, found)

@@ -32,7 +32,8 @@ class Route:
     coordinator's grid. Assumptions in ``proved_on_the_way`` may be unknown when the search starts, since the route
     proves what they are for. ``search`` takes the network, the index of an agent and a listener for progress, and
     returns the result, controller and witness of that agent (the latter two ``None`` when nothing passed). Where it is
-    ``long`` the agents are searched in processes of their own.
+    ``long`` the agents are searched in processes of their own. ``proves`` are the tables of a plant file that it can
+    prove beside the plant itself.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Route:
     proved_on_the_way: frozenset[str]
     search: Callable[[Prepared, int, Report], Outcome]
     long: bool
+    proves: frozenset[str] = frozenset()
 
 
 def _direct(prepared: Prepared, index: int, report: Report) -> Outcome:
@@ -59,7 +61,15 @@ def _recipe(prepared: Prepared, index: int, report: Report) -> Outcome:
     return recipe_agent(prepared, index)
 
 
-DIRECT = Route("direct", "direct/2", FINE, frozenset({"A6"}), _direct, long=True)  # the tube is A6⁺ (iii)
+DIRECT = Route(
+    "direct",
+    "direct/3",
+    FINE,
+    frozenset({"A6"}),  # the tube is A6⁺ (iii)
+    _direct,
+    long=True,
+    proves=frozenset({"requirements"}),
+)
 RECIPE = Route("recipe", "recipe/1", COARSE, frozenset(), _recipe, long=False)
 ROUTES = {route.name: route for route in (DIRECT, RECIPE)}
 DEFAULT = DIRECT.name

@@ -1,4 +1,4 @@
-"""Certificates of direct/2 for tiny plants of one agent, in floats; nothing is shared with the project's producer.
+"""Certificates of direct/3 for tiny plants of one agent, in floats; nothing is shared with the project's producer.
 
 The loop is written down in the original coordinates and transformed by numbers, the kernels are fitted to samples, and
 the slopes of every plant are bounded by hand.
@@ -400,13 +400,19 @@ def produce(tiny: Tiny) -> Json:
     }
     return {
         "schema": "consensus-certificate/1",
-        "theorem": "direct/2",
+        "theorem": "direct/3",
         "producer": {},
         "claim": {
             "plant_sha256": hashlib.sha256(tiny.toml).hexdigest(),
             "alpha1": "1",
             "alpha2": "1",
-            "agents": [{"id": "1", **{key: texts(value) for key, value in c.items()}}],
+            "agents": [
+                {
+                    "id": "1",
+                    **{key: texts(value) for key, value in c.items()},
+                    "requirements": {"settling": None, "input": None, "bandwidth": None},
+                }
+            ],
         },
         "witness": {
             "optimum": ["0", "0"],

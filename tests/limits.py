@@ -1,4 +1,4 @@
-"""Witnesses of direct/2 drawn in as far as the checker still accepts them: there a false rule would show first.
+"""Witnesses of direct/3 drawn in as far as the checker still accepts them: there a false rule would show first.
 
 Every kernel is scaled down until it touches its response, and every box, line, range and tail is the fixed point of
 what the rules themselves ask for. ``refine`` cuts every step in that many first, which brings the bounds close to the
@@ -30,7 +30,7 @@ from certify.checker.rules.first_phase import FirstPhase, Sizes
 from certify.checker.rules.increments import Increments
 from certify.checker.rules.observer import tabulate
 from certify.checker.rules.surroundings import Exosystem, Outside
-from certify.checker.theorems import witness_kinds
+from certify.checker.theorems import kinds
 from certify.checker.verdict import start_meter
 
 SLACK = Fraction(1, 2**28)  # relative, and more than what the last round of a fixed point still changes
@@ -65,7 +65,7 @@ class _Problem:
     """Everything the rules for one agent are given, and the witness as far as it is drawn in."""
 
     def __init__(self, plant: bytes, certificate: Json, number: int, refine: int) -> None:
-        model, read = read_plant(plant), read_certificate(encode(certificate), witness_kinds())
+        model, read = read_plant(plant), read_certificate(encode(certificate), kinds())
         facts = assumptions.prove(model, read)
         witness = read.witness.agents[number - 1]
         assert isinstance(witness, DirectAgentWitness)

@@ -122,7 +122,7 @@ WITNESS_OF_SECOND: dict[str, Callable[[Json], Any]] = {
         c["claim"]["agents"].append(_agent(c, "claim")),
         c["witness"]["agents"].append(_agent(c)),
     ),
-    "another theorem": lambda c: c.update(theorem="direct/2"),
+    "another theorem": lambda c: c.update(theorem="direct/3"),
     "unknown theorem": lambda c: c.update(theorem="recipe/2"),
 }
 

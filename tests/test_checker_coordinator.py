@@ -12,7 +12,7 @@ from certify.checker.certificate import Certificate, read_certificate
 from certify.checker.plant import Plant, read_plant
 from certify.checker.rules import assumptions, coordinator
 from certify.checker.rules.mixing import UNIT, Mixing
-from certify.checker.theorems import witness_kinds
+from certify.checker.theorems import kinds
 from certify.checker.verdict import Rejected, start_meter
 
 CORPUS = Path(__file__).parent / "checker_corpus"
@@ -28,7 +28,7 @@ def read(name: str, box: str | None = None) -> tuple[Plant, Certificate]:
     text = (CORPUS / f"{name}.toml").read_text()
     if box is not None:
         text = text.replace("reference = 0", f"reference = {box}")
-    return read_plant(text.encode()), read_certificate((CORPUS / f"{name}.json").read_bytes(), witness_kinds())
+    return read_plant(text.encode()), read_certificate((CORPUS / f"{name}.json").read_bytes(), kinds())
 
 
 def simulate(name: str, y: list[float], end: float) -> tuple[list[float], list[float], list[float]]:

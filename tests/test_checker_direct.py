@@ -1,4 +1,4 @@
-"""The rule for direct/2: tiny certificates that hold, and beside them one that fails for every obligation."""
+"""The rule for direct/3: tiny certificates that hold, and beside them one that fails for every obligation."""
 
 from __future__ import annotations
 
@@ -260,7 +260,7 @@ def more(key: str, value: object) -> Change:
         ("second", lambda c: agent(c)["phase1"].pop("vartheta")),
         ("first", lambda c: c.__setitem__("theorem", "direct/1")),
         ("first", lambda c: c.__setitem__("theorem", "recipe/1")),
-        ("first", lambda c: c.__setitem__("theorem", ["direct/2"])),
+        ("first", lambda c: c.__setitem__("theorem", ["direct/3"])),
         ("second", put("phase1", None)),
         ("second", put("phase1.grid", [])),
         ("second", put("phase1.grid", [str(k) for k in range(502)])),

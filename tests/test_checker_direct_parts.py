@@ -1,4 +1,4 @@
-"""The parts of the rule for direct/2 against what they enclose: kernels, loops, slopes, ranges, time."""
+"""The parts of the rule for direct/3 against what they enclose: kernels, loops, slopes, ranges, time."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from certify.checker.rules.reference import Reference, Step
 from certify.checker.rules.surroundings import Exosystem, Outside, Surroundings
 from certify.checker.rules.zero_ranges import ZeroRanges
 from certify.checker.slopes import Path
-from certify.checker.theorems import witness_kinds
+from certify.checker.theorems import kinds
 from certify.checker.verdict import Rejected, Undecided
 
 
@@ -165,7 +165,7 @@ def test_long_denominators_are_refused_before_they_are_multiplied() -> None:
 )
 def test_the_nominal_loop_is_that_of_the_original_coordinates(make: Any) -> None:
     tiny = make()
-    read = read_certificate(producer.encode(produced(make)), witness_kinds())
+    read = read_certificate(producer.encode(produced(make)), kinds())
     witness: Any = read.witness.agents[0]
     built = loop.build(read_plant(tiny.toml).agents[0], read.claim.agents[0], witness)
     A, inputs, outputs = producer.loop(tiny)

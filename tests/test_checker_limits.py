@@ -1,4 +1,4 @@
-"""How far the checker of direct/2 can be pushed: witnesses drawn in to the limit, and claims widened until they fail.
+"""How far the checker of direct/3 can be pushed: witnesses drawn in to the limit, and claims widened until they fail.
 
 Whatever is still verified must hold simulated loops; a claim about a loop that is unstable must never be.
 """

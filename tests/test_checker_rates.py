@@ -1,4 +1,4 @@
-"""Every term of the rules of direct/2 that bound a speed: states of a box, moved by the plant and the controller.
+"""Every term of the rules of direct/3 that bound a speed: states of a box, moved by the plant and the controller.
 
 And what the comparison system reaches within a step.
 """

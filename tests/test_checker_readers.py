@@ -17,7 +17,7 @@ from certify.checker.certificate import read_certificate
 from certify.checker.expressions import Name, Number
 from certify.checker.plant import read_plant
 from certify.checker.requested import Coordinator, Gains
-from certify.checker.theorems import witness_kinds
+from certify.checker.theorems import kinds
 from certify.checker.verdict import Malformed
 from symbolic.errors import InputError
 from symbolic.plant_file import parse_plant
@@ -229,7 +229,7 @@ def encode(value: Any, **options: Any) -> bytes:
 
 
 def test_a_certificate_is_read_exactly() -> None:
-    found = read_certificate(encode(certificate()), witness_kinds())
+    found = read_certificate(encode(certificate()), kinds())
     assert found.claim.agents[0].id == 1 and found.claim.agents[0].h is None
     assert found.witness.coordinator.steps == int(certificate()["witness"]["coordinator"]["steps"])
     assert found.claim_sha256 == hashlib.sha256(encode(certificate()["claim"])[:-1]).hexdigest()
@@ -320,13 +320,13 @@ REFUSED_CERTIFICATES: list[tuple[bytes, str]] = [
 @pytest.mark.parametrize(("data", "reason"), REFUSED_CERTIFICATES)
 def test_what_is_no_certificate_is_refused(data: bytes, reason: str) -> None:
     with pytest.raises(Malformed, match=reason) as caught:
-        read_certificate(data, witness_kinds())
+        read_certificate(data, kinds())
     assert len(str(caught.value)) < 1_000
 
 
 def test_large_certificates_are_refused_unread() -> None:
     with pytest.raises(Malformed, match="too large"):
-        read_certificate(b"[" * (1 << 24) + b"]", witness_kinds())
+        read_certificate(b"[" * (1 << 24) + b"]", kinds())
 
 
 MISFITS: list[tuple[str, Any]] = [

@@ -1,4 +1,4 @@
-"""The theorem direct/2 itself: simulated closed loops stay within every number of a certificate that is verified.
+"""The theorem direct/3 itself: simulated closed loops stay within every number of a certificate that is verified.
 
 The loops (``tiny_loops.py``) owe nothing to the checker's rules.
 """
@@ -24,7 +24,7 @@ from certify.checker.rules.increments import Increments
 from certify.checker.rules.observer import tabulate
 from certify.checker.rules.surroundings import Exosystem, Outside
 from certify.checker.rules.zero_ranges import ZeroRanges
-from certify.checker.theorems import witness_kinds
+from certify.checker.theorems import kinds
 from certify.checker.verdict import start_meter
 
 
@@ -45,7 +45,7 @@ def first_phase(name: str) -> FirstPhase:
     """The rule, as the checker sets it up."""
     start_meter()
     tiny, certificate = certified(name)
-    plant, read = read_plant(tiny.toml), read_certificate(producer.encode(certificate), witness_kinds())
+    plant, read = read_plant(tiny.toml), read_certificate(producer.encode(certificate), kinds())
     facts = assumptions.prove(plant, read)
     agent, claim, witness = plant.agents[0], read.claim.agents[0], read.witness.agents[0]
     assert not isinstance(witness, assumptions.AgentWitness)

@@ -11,7 +11,7 @@ from certify.checker.certificate import read_certificate
 from certify.checker.plant import read_plant
 from certify.checker.rules import assumptions, coordinator
 from certify.checker.rules.mixing import UNIT
-from certify.checker.theorems import witness_kinds
+from certify.checker.theorems import kinds
 from certify.checker.verdict import start_meter
 from certify.pipeline import design_gains
 from symbolic.plant_file import parse_plant
@@ -48,7 +48,7 @@ def test_the_checkers_walk_stays_below_the_producers(cost: str) -> None:
     produced = design_gains(parse_plant(text, "pair.toml"), route="recipe")
     assert produced.certificate is not None and produced.envelope is not None, produced.reason
     start_meter()
-    read, certificate = read_plant(text), read_certificate(canonical(produced.certificate) + b"\n", witness_kinds())
+    read, certificate = read_plant(text), read_certificate(canonical(produced.certificate) + b"\n", kinds())
     checked = coordinator.prove(read, certificate, assumptions.prove(read, certificate))
     for ours, theirs in zip(produced.envelope.agents, checked, strict=True):
         for k, step in enumerate(theirs.reference.steps):

@@ -1,4 +1,4 @@
-"""Between this package's numbers and python-flint's balls, which only the rules of direct/2 use.
+"""Between this package's numbers and python-flint's balls, which only the rules of direct/3 use.
 
 A comparison of balls holds only if it holds for all their members; one with a ball that is not finite never holds.
 """

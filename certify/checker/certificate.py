@@ -15,6 +15,7 @@ from math import gcd
 from typing import Any, NoReturn, Protocol, TypeVar
 
 from certify.checker.linear import Matrix
+from certify.checker.requested import Settling
 from certify.checker.verdict import Malformed
 
 SCHEMA = "consensus-certificate/1"
@@ -60,6 +61,22 @@ class AgentClaim:
 
 
 @dataclass(frozen=True)
+class ClaimedRequirements:
+    """What is claimed of one agent beyond convergence; None where the plant file asks for nothing."""
+
+    settling: Settling | None
+    input: Fraction | None
+    bandwidth: Fraction | None
+
+
+@dataclass(frozen=True)
+class DirectAgentClaim(AgentClaim):
+    """The controller of one agent, and the requirements that it meets."""
+
+    requirements: ClaimedRequirements
+
+
+@dataclass(frozen=True)
 class Claim:
     """The plant file that the claim is about, and the whole controller."""
 
@@ -67,6 +84,13 @@ class Claim:
     alpha1: Fraction
     alpha2: Fraction
     agents: tuple[AgentClaim, ...]
+
+
+@dataclass(frozen=True)
+class DirectClaim(Claim):
+    """The same with requirements, for the theorem direct/3."""
+
+    agents: tuple[DirectAgentClaim, ...]
 
 
 @dataclass(frozen=True)
@@ -168,7 +192,7 @@ class DirectAgentWitness:
 
 @dataclass(frozen=True)
 class DirectWitness:
-    """What the checker needs to be told for the theorem direct/2."""
+    """What the checker needs to be told for the theorem direct/3."""
 
     optimum: Row
     exosystem: Exosystem | None
@@ -199,9 +223,9 @@ class Certificate:
     witness: NetworkWitness
 
 
-def read_certificate(data: bytes, witnesses: Mapping[str, type[Any]]) -> Certificate:
-    """The certificate in the bytes of its file; ``witnesses`` has the dataclass of each theorem that is known. Raises
-    ``Malformed``."""
+def read_certificate(data: bytes, kinds: Mapping[str, tuple[type[Claim], type[Any]]]) -> Certificate:
+    """The certificate in the bytes of its file; ``kinds`` has the dataclasses of the claim and of the witness of each
+    theorem that is known. Raises ``Malformed``."""
     if len(data) > MAX_BYTES:
         raise Malformed("the certificate is too large")
     try:
@@ -212,15 +236,15 @@ def read_certificate(data: bytes, witnesses: Mapping[str, type[Any]]) -> Certifi
     if canonical.encode("ascii") != data:
         raise Malformed("the certificate is not canonical JSON")
     _keys(root, {"schema", "theorem", "producer", "claim", "witness"})
-    if root["schema"] != SCHEMA or root["theorem"] not in list(witnesses):
-        raise Malformed(f"this checker reads {SCHEMA} with one of the theorems {', '.join(witnesses)}")
+    if root["schema"] != SCHEMA or root["theorem"] not in list(kinds):
+        raise Malformed(f"this checker reads {SCHEMA} with one of the theorems {', '.join(kinds)}")
     if not isinstance(root["producer"], dict) or len(root["producer"]) > 32:
         raise Malformed("the producer is a table of at most 32 entries")
     for text in root["producer"].values():
         _text(text)
     digest = hashlib.sha256(_canonical(root["claim"]).encode("ascii")).hexdigest()
-    theorem = root["theorem"]
-    return Certificate(digest, theorem, _table(Claim, root["claim"]), _table(witnesses[theorem], root["witness"]))
+    claim, witness = kinds[root["theorem"]]
+    return Certificate(digest, root["theorem"], _table(claim, root["claim"]), _table(witness, root["witness"]))
 
 
 def _table(kind: type[T], value: Any) -> T:
@@ -297,6 +321,9 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "Matrix": _matrix,
     "Exosystem | None": lambda value: None if value is None else _table(Exosystem, value),
     "CoordinatorWitness": lambda value: _table(CoordinatorWitness, value),
+    "Settling | None": lambda value: None if value is None else _table(Settling, value),
+    "ClaimedRequirements": lambda value: _table(ClaimedRequirements, value),
+    "tuple[DirectAgentClaim, ...]": lambda value: tuple(_table(DirectAgentClaim, entry) for entry in _list(value)),
     "tuple[AgentClaim, ...]": lambda value: tuple(_table(AgentClaim, entry) for entry in _list(value)),
     "tuple[DirectAgentWitness, ...]": lambda value: tuple(_table(DirectAgentWitness, entry) for entry in _list(value)),
     "NominalSlopes": lambda value: _table(NominalSlopes, value),

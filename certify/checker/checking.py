@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from fractions import Fraction
 
-from certify.checker.certificate import AgentClaim, Certificate, Claim, read_certificate
+from certify.checker.certificate import AgentClaim, Certificate, Claim, DirectAgentClaim, read_certificate
 from certify.checker.plant import Agent, Plant, read_plant
-from certify.checker.theorems import THEOREMS, witness_kinds
+from certify.checker.theorems import THEOREMS, Theorem, kinds
 from certify.checker.unproved import unproved_feature
 from certify.checker.verdict import STEPS, Malformed, Rejected, Undecided, Verdict, require, start_meter
 
@@ -20,7 +20,7 @@ def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
     """
     start_meter(steps)
     try:
-        model, proof = read_plant(plant), read_certificate(certificate, witness_kinds())
+        model, proof = read_plant(plant), read_certificate(certificate, kinds())
         _prove(model, proof)
     except Malformed as fault:
         return Verdict("malformed", "", str(fault))
@@ -36,11 +36,12 @@ def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
 
 
 def _prove(plant: Plant, certificate: Certificate) -> None:
-    _bind(plant, certificate.claim, [agent.id for agent in certificate.witness.agents])
-    THEOREMS[certificate.theorem].prove(plant, certificate)
+    theorem = THEOREMS[certificate.theorem]
+    _bind(plant, certificate.claim, [agent.id for agent in certificate.witness.agents], theorem)
+    theorem.prove(plant, certificate)
 
 
-def _bind(plant: Plant, claim: Claim, witnessed: list[int]) -> None:
+def _bind(plant: Plant, claim: Claim, witnessed: list[int], theorem: Theorem) -> None:
     """The claim is about this plant file, about all its agents in their order, and keeps what the file fixes."""
     require(claim.plant_sha256 == plant.sha256, "plant_sha256: the certificate is for another plant file")
     ids = [agent.id for agent in plant.agents]
@@ -52,13 +53,22 @@ def _bind(plant: Plant, claim: Claim, witnessed: list[int]) -> None:
         for key, value in asdict(plant.gains_of(agent.id)).items():
             _bind_number(value, getattr(mine, key), f"agent {agent.id}: {key}")
         _bind_design(agent, mine)
-    feature = unproved_feature(plant)
+        if isinstance(mine, DirectAgentClaim):
+            _bind_requirements(plant, mine)
+    feature = unproved_feature(plant, theorem.speaks_of)
     require(not feature, "theorem", reason=f"it says nothing about {feature}")
 
 
 def _bind_number(fixed: Fraction | None, claimed: Fraction | None, name: str) -> None:
     """What an agent does not have (``h`` at order 1) is None in the claim."""
     require(fixed is None or claimed in (fixed, None), f"{name} is fixed by the plant file", fixed=fixed)
+
+
+def _bind_requirements(plant: Plant, claim: DirectAgentClaim) -> None:
+    """The claim repeats what the plant file asks for, no more and no less."""
+    asked = plant.requirements_of(claim.id)
+    for key, value in vars(claim.requirements).items():
+        require(getattr(asked, key) == value, f"agent {claim.id}: requirements.{key} is that of the plant file")
 
 
 def _bind_design(agent: Agent, claim: AgentClaim) -> None:

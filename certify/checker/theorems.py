@@ -1,4 +1,5 @@
-"""The theorems that the checker knows: for each what its witness holds and the rule that decides its obligations.
+"""The theorems that the checker knows: for each what its claim and its witness hold and the rule that decides its
+obligations.
 
 To add one: a dataclass of its witness (certificate.py), a module with its rule (rules/) and a line here.
 """
@@ -9,16 +10,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from certify.checker.certificate import Certificate, DirectWitness, Witness
+from certify.checker.certificate import Certificate, Claim, DirectClaim, DirectWitness, Witness
 from certify.checker.plant import Plant
 
 
 @dataclass(frozen=True)
 class Theorem:
-    """``prove`` returns if every obligation holds for the plant, and raises ``Rejected`` otherwise."""
+    """``prove`` returns if every obligation holds for the plant, and raises ``Rejected`` otherwise. ``speaks_of`` are
+    the tables of a plant file that its claim is about beside the plant itself."""
 
     witness: type[Any]
     prove: Callable[[Plant, Certificate], None]
+    claim: type[Claim] = Claim
+    speaks_of: frozenset[str] = frozenset()
 
 
 def _recipe(plant: Plant, certificate: Certificate) -> None:
@@ -35,10 +39,10 @@ def _direct(plant: Plant, certificate: Certificate) -> None:
 
 THEOREMS: dict[str, Theorem] = {
     "recipe/1": Theorem(Witness, _recipe),  # docs/certificate.md
-    "direct/2": Theorem(DirectWitness, _direct),  # docs/certificate-direct.md
+    "direct/3": Theorem(DirectWitness, _direct, DirectClaim, frozenset({"requirements"})),  # docs/certificate-direct.md
 }
 
 
-def witness_kinds() -> dict[str, type[Any]]:
-    """The dataclass of the witness by theorem, for the reader of certificates."""
-    return {name: theorem.witness for name, theorem in THEOREMS.items()}
+def kinds() -> dict[str, tuple[type[Claim], type[Any]]]:
+    """The dataclasses of the claim and of the witness by theorem, for the reader of certificates."""
+    return {name: (theorem.claim, theorem.witness) for name, theorem in THEOREMS.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from fractions import Fraction
 
 from certify.checker.plant import Plant
@@ -11,8 +12,8 @@ PAPERS_COORDINATOR = {"gradient_gain": Fraction(1), "mixing_gain": Fraction(1), 
 PAPERS_COORDINATOR["softening"] = Fraction(0)
 
 
-def unproved_feature(plant: Plant) -> str:
-    """The first such key in words, or nothing."""
+def unproved_feature(plant: Plant, spoken_of: Set[str]) -> str:
+    """The first such key in words, or nothing; ``spoken_of`` are the tables that the claim is about."""
     for key, proved in PAPERS_COORDINATOR.items():
         value = getattr(plant.coordinator, key)
         if value not in (None, proved):
@@ -20,6 +21,6 @@ def unproved_feature(plant: Plant) -> str:
     for agent in plant.agents:
         if plant.implementation_of(agent.id) is not None:
             return "a sampled controller: [implementation]"
-        if plant.requirements_of(agent.id) != Requirements():
+        if "requirements" not in spoken_of and plant.requirements_of(agent.id) != Requirements():
             return f"the [requirements] of agent {agent.id}"
     return ""

@@ -1,4 +1,4 @@
-"""What a verified certificate of the theorem direct/2 says in the user's coordinates, exact and on the safe side.
+"""What a verified certificate of the theorem direct/3 says in the user's coordinates, exact and on the safe side.
 
 The tube's boxes hold from ``T1`` on and say nothing about the time before, so a bound of ``z̄`` or ``x̄`` for all time is
 the largest over the boxes of phase 1, each of which holds on its step, the boxes of the tube and its tail

@@ -1,4 +1,4 @@
-"""What a verified certificate of the theorem direct/2 says about an agent's input, exact and on the safe side."""
+"""What a verified certificate of the theorem direct/3 says about an agent's input, exact and on the safe side."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a certificate of the theorem direct/2 says about one agent, for display (docs/certificate-direct.md)."""
+"""What a certificate of the theorem direct/3 says about one agent, for display (docs/certificate-direct.md)."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def text_changes(value: str) -> list[tuple[str, Any]]:
         ("twice", value + value),
         ("nul", value + "\0"),
         ("other version", value[:-1] + "2" if value else "2"),
-        ("direct theorem", "direct/2"),
+        ("direct theorem", "direct/3"),
         ("recipe theorem", "recipe/1"),
         ("version 0", "recipe/0"),
         ("homoglyph", value.replace("e", "е")),

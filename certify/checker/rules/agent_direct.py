@@ -1,4 +1,4 @@
-"""The rule for one agent of a certificate of the theorem direct/2 (docs/certificate-direct.md)."""
+"""The rule for one agent of a certificate of the theorem direct/3 (docs/certificate-direct.md)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 
-from certify.checker.certificate import MAX_STATES, AgentClaim, DirectAgentWitness
+from certify.checker.certificate import MAX_STATES, AgentClaim, DirectAgentClaim, DirectAgentWitness
 from certify.checker.linear import Row
 from certify.checker.plant import Agent
-from certify.checker.rules import kernels, loop, tube
+from certify.checker.rules import kernels, loop, requirements, tube
 from certify.checker.rules.assumptions import AgentFacts
 from certify.checker.rules.first_phase import FirstPhase
 from certify.checker.rules.increments import Increments
@@ -35,7 +35,7 @@ def prove_design(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -
 
 def prove_tube(
     agent: Agent,
-    claim: AgentClaim,
+    claim: DirectAgentClaim,
     witness: DirectAgentWitness,
     reference: Reference,
     exosystem: Exosystem,
@@ -48,8 +48,10 @@ def prove_tube(
     with obligation(name):
         outside = Outside(exosystem, reference, witness.steady_state, agent.parameters)
         increments = Increments(agent, reference.optimum, known.w, ZeroRanges(name, agent, witness.ranges))
-        start = FirstPhase(name, agent, claim, witness, known, outside, increments, tabulate).at_end()
+        phase = FirstPhase(name, agent, claim, witness, known, outside, increments, tabulate)
+        start = phase.at_end()
         tube.prove(name, loop.build(agent, claim, witness), claim, witness, known.b, outside, increments, start)
+        requirements.prove(name, agent, claim, witness, known, outside, phase.inputs)
 
 
 def _sizes(name: str, agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -> None:

@@ -11,20 +11,23 @@ from functools import partial
 from certify.checker import functions, linear
 from certify.checker.certificate import AgentClaim, AgentWitness, Certificate, DirectAgentWitness
 from certify.checker.expressions import Name, Node, evaluate, occurrences, parse
-from certify.checker.intervals import Interval, between, enclose, quadratic_bound, symmetric
+from certify.checker.intervals import Interval, between, enclose, quadratic_bound, symmetric, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Agent, Plant
 from certify.checker.polynomials import ZERO, Algebra, Rational, constant, variable
 from certify.checker.rules.costs import Cost, prove_cost, prove_optimum
-from certify.checker.subdivision import CUTS, value_range
+from certify.checker.subdivision import CUTS, supremum, value_range
 from certify.checker.verdict import Malformed, obligation, require
+
+ZERO_INPUT = Interval(0, 0)
 
 
 @dataclass(frozen=True)
 class AgentFacts:
-    """Enclosures of ``w`` and ``b(w)``, the matrix ``T``, and ways to enclose ``z*`` and ``τ``.
+    """Enclosures of ``w`` and ``b(w)``, the matrix ``T``, and ways to enclose ``z*``, ``τ`` and ``|u*|``.
 
     ``steady_state(v, cuts)`` and ``tau(v, cuts)`` take a box of ``v`` and how many cuts an enclosure may cost.
+    ``steady_input(W)`` is a point above ``|u*|`` for all time, ``v vᵀ ⪯ W``.
     """
 
     w: Mapping[str, Interval]
@@ -32,6 +35,7 @@ class AgentFacts:
     T: Matrix
     steady_state: Callable[[Mapping[str, Interval], int], list[Interval]]
     tau: Callable[[Mapping[str, Interval], int], list[Interval]]
+    steady_input: Callable[[Sequence[Sequence[Interval]]], Interval]
 
 
 @dataclass(frozen=True)
@@ -139,7 +143,7 @@ class _AgentProof:
             self.regulator()
         with obligation(f"{self.name}: A5"):
             self.immersion()
-            return AgentFacts(self.w, b, self.transformation(), self.steady_state, self.tau)
+            return AgentFacts(self.w, b, self.transformation(), self.steady_state, self.tau, self.steady_input)
 
     def identity(self, value: Rational, name: str) -> None:
         require(self.algebra.vanishes(value), f"{self.name}: {name}", terms_left=len(value.top.terms))
@@ -158,6 +162,23 @@ class _AgentProof:
         """``τ = (u*, L_S u*, …)``."""
         box = {"s": self.optimum, **v, **self.w}
         return [value_range(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u), cuts) for u in self.inputs]
+
+    def steady_input(self, W: Sequence[Sequence[Interval]]) -> Interval:
+        """``|u*| ≤ |u*(s*, 0, w)| + √(Σ_jk |W_jk| ĝ_j ĝ_k)`` with ``ĝ ≥ |∂u*/∂v|``, or by its range if that is less."""
+        if not self.inputs:
+            return ZERO_INPUT
+        u, box = self.inputs[0], {"s": self.optimum, **self.v, **self.w}
+        slopes, leaves = [self.algebra.derivative(u, name) for name in self.v], self.algebra.leaves(u)
+        at_rest = dict.fromkeys(self.v, ZERO_INPUT)
+
+        def size(piece: Mapping[str, Interval]) -> Interval:
+            g = [self.algebra.enclosure(slope, piece).magnitude for slope in slopes]
+            square = total(w * a * b for row, a in zip(W, g, strict=True) for w, b in zip(row, g, strict=True))
+            return self.algebra.enclosure(u, {**piece, **at_rest}).magnitude + square.upper.sqrt()
+
+        around = supremum(size, box, leaves - self.v.keys())
+        straight = value_range(partial(self.algebra.enclosure, u), box, leaves, CUTS).magnitude
+        return min(enclose(around).upper, straight)
 
     def origin_and_input_gain(self) -> Interval:
         """A0: ``f0(0, 0, 0, w) = 0``, ``f1(0, 0, 0, w) = 0``, ``b > 0``. Returns ``[b]``."""

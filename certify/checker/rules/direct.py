@@ -1,18 +1,19 @@
-"""The order of the obligations of the theorem direct/2 (docs/certificate-direct.md)."""
+"""The order of the obligations of the theorem direct/3 (docs/certificate-direct.md)."""
 
 from __future__ import annotations
 
 from functools import cache
+from typing import cast
 
-from certify.checker.certificate import Certificate
+from certify.checker.certificate import Certificate, DirectClaim
 from certify.checker.plant import Plant
 from certify.checker.rules import agent_direct, assumptions, coordinator, observer
 
 
 def prove(plant: Plant, certificate: Certificate) -> None:
     """Raises ``Rejected`` naming the first obligation that fails."""
-    witness = certificate.witness
-    designs = list(zip(plant.agents, certificate.claim.agents, witness.agents, strict=True))
+    claim, witness = cast(DirectClaim, certificate.claim), certificate.witness  # the reader's kind for this theorem
+    designs = list(zip(plant.agents, claim.agents, witness.agents, strict=True))
     for design in designs:
         agent_direct.prove_design(*design)
     facts = assumptions.prove(plant, certificate)

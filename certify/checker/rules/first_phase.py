@@ -60,6 +60,7 @@ class FirstPhase:
         self.outside, self.increments = outside, increments
         self.nz, self.n, self.b = len(agent.zero_states), agent.order, known.b
         self.theta, self.E2 = loop.theta(claim), [enclose(abs(entry)) for entry in loop.observer_gain(claim)]
+        self.inputs: list[Interval] = []  # points above |ū|, step by step
         self.unshifted = [ZERO] * (self.nz + self.n)
         self.by_last = self.shift(linear.dot(claim.psi, claim.N))
         shift = [*[Fraction(0)] * (self.nz + 1), *self.theta[:-1]]
@@ -115,6 +116,7 @@ class FirstPhase:
         slopes = self.increments.on_step(k, length, around, B.z, B.x)
         rates = self.rates(B, slopes, around)
         fastest, error, push = self.input(start, B, fastest, rates)
+        self.inputs.append(push)
         pull = self.pull(min(X.theta, theta) - error)
         grown = length * (rates.theta - pull)
         require(
