@@ -50,7 +50,12 @@ def claim_digest(certificate: Json) -> str:
 
 
 def write_certificate(certificate: Json, path: Path) -> None:
-    write_atomically(path, canonical(certificate) + b"\n")
+    write_atomically(path, certificate_bytes(certificate))
+
+
+def certificate_bytes(certificate: Json) -> bytes:
+    """The file of a certificate."""
+    return canonical(certificate) + b"\n"
 
 
 def read_certificate(path: Path) -> Json:
@@ -59,15 +64,26 @@ def read_certificate(path: Path) -> Json:
     Raises ``InputError`` if the file is unreadable, too large, or no certificate of this version.
     """
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{path}: larger than {LARGEST_FILE} bytes")
-        certificate = json.loads(path.read_bytes())
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    return parse_certificate(data, str(path))
+
+
+def parse_certificate(data: bytes, source: str) -> Json:
+    """The certificate in the bytes of its file, for display; ``source`` is how messages name it.
+
+    Raises ``InputError`` as :func:`read_certificate` does.
+    """
+    if len(data) > LARGEST_FILE:
+        raise InputError(f"{source}: larger than {LARGEST_FILE} bytes")
+    try:
+        certificate = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not a JSON file: {error}") from error
+        raise InputError(f"{source}: is not a JSON file: {error}") from error
     if not isinstance(certificate, dict) or certificate.get("schema") != SCHEMA:
-        raise InputError(f"{path}: schema: {SCHEMA!r} is needed")
+        raise InputError(f"{source}: schema: {SCHEMA!r} is needed")
     if not isinstance(certificate.get("claim"), dict) or not isinstance(certificate.get("witness"), dict):
-        raise InputError(f"{path}: claim: the claim and the witnesses are needed")
+        raise InputError(f"{source}: claim: the claim and the witnesses are needed")
     return certificate

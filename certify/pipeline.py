@@ -3,29 +3,23 @@ certificate."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import platform
-from concurrent.futures import ProcessPoolExecutor, wait
 from importlib.metadata import version
-from multiprocessing.queues import SimpleQueue
 from typing import Any
 
 from certify.assumptions.check import check_assumptions
 from certify.assumptions.findings import CheckReport
-from certify.certificate import Json, canonical, claim_digest, number
+from certify.certificate import Json, certificate_bytes, claim_digest, number
 from certify.checker import check as independent_check
 from certify.network_certificate import network_certificate
 from certify.preparation import Prepared, Report, Stopped, prepare
 from certify.results import AgentResult, GainsResult, Status
 from certify.routes import ROUTES, Route
+from certify.workers import in_processes, processors
 from symbolic.controller import AgentController
 from symbolic.plant import Plant
 
 __all__ = ["AgentResult", "GainsResult", "design_gains", "tool_versions"]
-
-MOST_WORKERS = 2
-LISTENING = 0.5  # seconds between two looks at what the searches say
 
 Outcome = tuple[AgentResult, AgentController | None, Json | None]
 
@@ -61,7 +55,7 @@ def design_gains(
         requirements="requirements" in way.proves,
     )
     progress("checking the certificate")
-    verdict = independent_check(plant.source, canonical(certificate) + b"\n")
+    verdict = independent_check(plant.source, certificate_bytes(certificate))
     if verdict.status != "verified":
         complaint = f"the checker does not accept the certificate: {verdict.obligation}: {verdict.detail}"
         return _without_certificate("inconclusive", complaint, route, results, prepared)
@@ -83,33 +77,13 @@ def tool_versions() -> dict[str, str]:
 
 
 def _searched(route: Route, prepared: Prepared, progress: Report) -> list[Outcome]:
-    """The agents do not see each other, so long searches run in parallel where processes can be forked."""
-    count = len(prepared.models)
-    workers = min(MOST_WORKERS, os.cpu_count() or 1, count) if route.long else 1
-    if workers == 1 or "fork" not in multiprocessing.get_all_start_methods():
-        return [route.search(prepared, index, progress) for index in range(count)]
-    context = multiprocessing.get_context("fork")
-    said: SimpleQueue[str] = context.SimpleQueue()
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_share, initargs=(route, prepared, said)) as pool:
-        searches = [pool.submit(_shared_search, index) for index in range(count)]
-        pending = set(searches)
-        while pending:
-            pending = wait(pending, timeout=LISTENING).not_done
-            while not said.empty():
-                progress(said.get())
-    return [search.result() for search in searches]
+    """The agents do not see each other, so long searches run in parallel."""
 
+    def search(index: int, say: Report) -> Outcome:
+        return route.search(prepared, index, say)
 
-_SHARED: list[tuple[Route, Prepared, SimpleQueue[str]]] = []
-
-
-def _share(route: Route, prepared: Prepared, said: SimpleQueue[str]) -> None:
-    _SHARED[:] = [(route, prepared, said)]
-
-
-def _shared_search(index: int) -> Outcome:
-    route, prepared, said = _SHARED[0]
-    return route.search(prepared, index, said.put)
+    workers = processors() if route.long else 1
+    return list(in_processes(search, range(len(prepared.models)), workers, progress))
 
 
 def _summary(status: Status, route: str, certificate: Json, results: tuple[AgentResult, ...]) -> dict[str, Any]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-from reports.cells import agents as listed
 from sims.cross_check import CrossCheck
 
-SECONDS = 15.0
+TRAJECTORIES = 10_000  # of all agents together: what two cores simulate in the time that the search for gains takes
+LEAST = 32  # of each agent: two vertices and more of W and of the boxes of starts
 
 Ending = Literal["refuted", "survived", "inconclusive"]
 
@@ -21,7 +21,7 @@ def ending(found: CrossCheck) -> Ending:
 
 
 def sentence(found: CrossCheck, agents: int) -> str:
-    """What was simulated and what it showed; which of the ``agents`` were left out for want of time."""
+    """What was simulated and what it showed; how much of it a time limit left out."""
     if found.broken is not None or found.count == 0:
         return found.reason
     said = f"{found.count} trajectories ({_shares(found)}), none breaks the claim"
@@ -29,8 +29,17 @@ def sentence(found: CrossCheck, agents: int) -> str:
         said += f", worst margin {found.worst_margin:.2g}"
     if found.failed:
         said += f"; {found.failed} could not be integrated in floats"
-    missed = sorted(set(range(1, agents + 1)) - {tried.agent for tried in found.tried})
-    return f"{said}; the time did not suffice for agents {listed(missed)}" if missed else said
+    return f"{said}; the time limit left out the rest of {found.asked * agents}" if limited(found, agents) else said
+
+
+def share_of_each(agents: int) -> int:
+    """Trajectories per agent where nothing else is asked."""
+    return max(LEAST, -(-TRAJECTORIES // agents))
+
+
+def limited(found: CrossCheck, agents: int) -> bool:
+    """Whether a time limit has cut the search short."""
+    return found.broken is None and 0 < found.count < found.asked * agents
 
 
 def _shares(found: CrossCheck) -> str:
@@ -50,6 +59,7 @@ def search_fields(found: CrossCheck | None, agents: int) -> dict[str, Any]:
         "trajectories": found.count,
         "margin": margin,
         "agents": [{"id": tried.agent, "trajectories": tried.trajectories} for tried in found.tried],
-        "budget_seconds": SECONDS,
+        "asked": found.asked,
+        "limited": limited(found, agents),
         "reason": sentence(found, agents),
     }

@@ -13,7 +13,7 @@ from certify.statement.numbers import fraction, scientific, shown
 from reports import cells, tables
 from reports.agent_types import coordinates_section
 from reports.attraction import attraction_section
-from reports.cross_checked import SECONDS, ending, sentence
+from reports.cross_checked import ending, sentence
 from reports.figures import style, svg
 from reports.gains_sections import claim_section, gains_section, numbers_section, stability_rows
 from reports.network_figure import draw_network
@@ -104,7 +104,7 @@ def _search(found: CrossCheck, study: Study) -> dict[str, Any]:
         "trajectories": cells.text(found.count),
         "margin": cells.text(margin),
         "reason": cells.text(sentence(found, len(study.plant.agents))),
-        "seconds": f"{SECONDS:g}",
+        "asked": cells.text(found.asked),
         "bounded": study.bounds is not None,
     }
 

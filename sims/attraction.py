@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 
 from sims.agent_loop import AgentLoop, agent_loop, upper_layer
 from sims.batch import COMPLETED, ESCAPED, BatchOptions
+from sims.deadline import Deadline
 from sims.executors import run_tasks
+from sims.falsifier import HORIZON, TOLERANCE
 from sims.fate import BROKEN, judge, windows
 from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
 from sims.signals import Array
@@ -86,7 +89,7 @@ def region_window(
     *,
     vertices: int = 4,
     seed: int = 0,
-    horizon: float = 40.0,
+    due: Deadline = Deadline(HORIZON, TOLERANCE),
     compiled: bool = False,
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Spans for :func:`region_slice` that show where the region ends.
@@ -109,7 +112,7 @@ def region_window(
         for corner in corners
         for axis, factor, sign in tried
     ]
-    fates = _fates(loop, starts, shared_points(plant, generator, 2, 0)[0], horizon, compiled)
+    fates = _fates(loop, starts, shared_points(plant, generator, 2, 0)[0], due, compiled)
     worst = fates.reshape(len(corners), 2, len(factors), 2).max(axis=(0, 3))
     spans = []
     for axis in (0, 1):
@@ -129,7 +132,7 @@ def region_slice(
     points: int = 31,
     vertices: int = 8,
     seed: int = 0,
-    horizon: float = 40.0,
+    due: Deadline = Deadline(HORIZON, TOLERANCE),
     compiled: bool = False,
 ) -> RegionSlice:
     """``points × points`` starts in the middles of equal cells of ``spans``, each for up to ``vertices`` vertices of
@@ -148,7 +151,7 @@ def region_slice(
     generator = np.random.default_rng(seed)
     corners = _parameter_corners(loop, vertices, generator)
     starts = [_moved(loop, corner, dict(zip(rows, place, strict=True))) for corner in corners for place in grid]
-    fates = _fates(loop, starts, shared_points(plant, generator, 2, 0)[0], horizon, compiled)
+    fates = _fates(loop, starts, shared_points(plant, generator, 2, 0)[0], due, compiled)
     return RegionSlice(
         agent=agent,
         names=names,
@@ -168,29 +171,41 @@ def region_slices(
     points: int = 21,
     vertices: int = 4,
     seed: int = 0,
-    horizon: float = 40.0,
+    deadlines: Mapping[int, Deadline] = MappingProxyType({}),
     compiled: bool = False,
     workers: int = 1,
     scheduler: str | None = None,
+    share: Callable[[float], None] | None = None,
 ) -> tuple[RegionSlice, ...]:
     """The slice of :func:`slice_names` in the window of :func:`region_window` for each agent that has one.
 
-    ``workers`` and ``scheduler`` are as for :func:`sims.executors.run_tasks`.
+    ``deadlines`` say by agent how long the runs last, ``workers`` and ``scheduler`` are as for
+    :func:`sims.executors.run_tasks`, ``share`` is told what part is done.
     """
-    settings = {"vertices": vertices, "seed": seed, "horizon": horizon, "compiled": compiled}
-    one = partial(_telling_slice, plant, controller, points, settings)
-    found = run_tasks(one, agents, workers=workers, scheduler=scheduler)
+    settings = {"vertices": vertices, "seed": seed, "compiled": compiled}
+    one = partial(_telling_slice, plant, controller, points, settings, dict(deadlines))
+    found = []
+    for part in run_tasks(one, agents, workers=workers, scheduler=scheduler):
+        found.append(part)
+        if share is not None:
+            share(len(found) / len(agents))
     return tuple(part for part in found if part is not None)
 
 
 def _telling_slice(
-    plant: Plant, controller: Controller, points: int, settings: Mapping[str, Any], agent: int
+    plant: Plant,
+    controller: Controller,
+    points: int,
+    settings: Mapping[str, Any],
+    deadlines: Mapping[int, Deadline],
+    agent: int,
 ) -> RegionSlice | None:
+    due = deadlines.get(agent, Deadline(HORIZON, TOLERANCE))
     names = slice_names(plant.agents[agent - 1])
     if names is None:
         return None
-    spans = region_window(plant, controller, agent, names, **settings)
-    return region_slice(plant, controller, agent, names, spans, points=points, **settings)
+    spans = region_window(plant, controller, agent, names, due=due, **settings)
+    return region_slice(plant, controller, agent, names, spans, points=points, due=due, **settings)
 
 
 def coverage(found: RegionSlice) -> Coverage:
@@ -251,17 +266,17 @@ def _moved(loop: AgentLoop, point: AgentPoint, values: dict[int, float]) -> Agen
 
 
 def _fates(
-    loop: AgentLoop, starts: Sequence[AgentPoint], shared: SharedPoint, horizon: float, compiled: bool
+    loop: AgentLoop, starts: Sequence[AgentPoint], shared: SharedPoint, due: Deadline, compiled: bool
 ) -> NDArray[np.int8]:
-    frame = windows(loop.plant, horizon)
-    signals = loop.signals([upper_layer(loop.plant, loop.controller, shared, horizon)])
+    frame = windows(loop.plant, due.horizon)
+    signals = loop.signals([upper_layer(loop.plant, loop.controller, shared, due.horizon)])
     options = BatchOptions(rtol=1e-5, atol=1e-7, max_steps=20_000, compiled=compiled)
     fates = []
     for k in range(0, len(starts), 1024):
         part = starts[k : k + 1024]
-        solution = loop.run(signals, [0] * len(part), part, horizon, frame.times, options)
+        solution = loop.run(signals, [0] * len(part), part, due.horizon, frame.times, options)
         error = solution.samples[:, loop.output_row] - loop.optimum
-        told = [judge(row, frame, 1e-4) for row in error]
+        told = [judge(row, frame, float(due.tolerance)) for row in error]
         fates += [_mark(int(status), fate) for status, fate in zip(solution.status, told, strict=True)]
     return np.array(fates, dtype=np.int8)
 

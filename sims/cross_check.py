@@ -1,21 +1,23 @@
-"""Random trajectories against a claim, within a time: a certificate that one of them breaks is wrong."""
+"""Random trajectories against a claim, a stated number: a certificate that one of them breaks is wrong."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
 from sims.agent_loop import agent_loop, upper_layer
 from sims.bounds import SignalBound
 from sims.coordinator import UpperLayer
+from sims.deadline import Deadline
 from sims.executors import run_tasks
-from sims.falsifier import HORIZON, TOLERANCE, Candidate, Progress, Search, Tried
+from sims.falsifier import HORIZON, TOLERANCE, Candidate, Progress, Search, Share, Tried
 from sims.search_space import SharedPoint, shared_points
 from sims.witness import Witness
 from symbolic.controller import Controller
@@ -27,10 +29,9 @@ _FIRST, _LARGEST = 256, 1024
 
 @dataclass(frozen=True)
 class CrossCheck:
-    """``count`` trajectories were simulated, ``failed`` of them not to the end; ``worst_margin`` is the least margin
-    (see ``FalsifierResult``), NaN if nothing was simulated; ``broken`` is a confirmed counterexample or ``None``.
-
-    ``seconds`` is the time it took; ``reason`` says all this in words.
+    """``count`` trajectories were simulated of the ``asked`` per agent, ``failed`` of them not to the end;
+    ``worst_margin`` is the least margin (see ``FalsifierResult``), NaN if nothing was simulated; ``broken`` is a
+    confirmed counterexample or ``None``; ``reason`` says all this in words.
     """
 
     count: int
@@ -38,18 +39,18 @@ class CrossCheck:
     worst_margin: float
     broken: Witness | None
     tried: tuple[Tried, ...]
-    seconds: float
+    asked: int
     reason: str
 
 
 @dataclass(frozen=True)
 class _Task:
-    """Points ``low … high − 1`` of one agent, to be begun before ``deadline`` (seconds since the epoch)."""
+    """Points ``low … high − 1`` of one agent, left out after the instant ``until`` (seconds since the epoch)."""
 
     agent: int
     low: int
     high: int
-    deadline: float
+    until: float
 
 
 @dataclass(frozen=True)
@@ -58,8 +59,7 @@ class _Setting:
     controller: Controller
     shared: tuple[SharedPoint, ...]
     layers: tuple[UpperLayer, ...]
-    horizon: float
-    tolerance: Fraction
+    due: Mapping[int, Deadline]
     bounds: tuple[SignalBound, ...]
     compiled: bool
     seed: int
@@ -79,47 +79,53 @@ def cross_check(
     controller: Controller,
     *,
     count: int = 2000,
-    budget_seconds: float = 30.0,
+    time_limit: float = math.inf,
     seed: int = 0,
     horizon: float = HORIZON,
     tolerance: Fraction = TOLERANCE,
+    deadlines: Mapping[int, Deadline] = MappingProxyType({}),
     bounds: tuple[SignalBound, ...] = (),
     compiled: bool = False,
     workers: int = 1,
     scheduler: str | None = None,
     progress: Progress | None = None,
+    share: Share | None = None,
 ) -> CrossCheck:
-    """``count`` trajectories per agent, or as many as were begun within ``budget_seconds``; the agents take turns, in
-    small parts first, and a part that was begun is finished.
+    """``count`` trajectories per agent, however long they take; the agents take turns, in small parts first.
 
-    A third of the points is uniform in ``W × box``, a third has ``w`` at a vertex, a third is a vertex altogether. The
-    same points for the same ``seed``, however many of them the time allows. ``workers`` and ``scheduler`` are as for
-    :func:`sims.executors.run_tasks`; ``compiled`` runs on threads of its own. Raises ``InputError`` for a count or
-    budget that does not fit.
+    With a ``time_limit`` in seconds no further part begins after it, but for the first of each agent. A third of the
+    points is uniform in ``W × box``, a third has ``w`` at a vertex, a third is a vertex altogether. The same points for
+    the same ``seed``, however many of them a limit leaves. Deadlines, ``horizon`` and ``tolerance``, ``workers`` and
+    ``scheduler`` are as for :func:`sims.falsifier.falsify`; ``compiled`` runs on threads of its own. Raises
+    ``InputError`` for a count or limit that does not fit.
     """
-    if count < 1 or seed < 0 or not 0.0 < budget_seconds < math.inf:
-        raise InputError("a cross-check needs count >= 1, seed >= 0 and a time budget > 0")
-    begun = time.time()
+    if count < 1 or seed < 0 or not time_limit > 0.0:
+        raise InputError("a cross-check needs count >= 1, seed >= 0 and a time limit > 0")
     say = progress or (lambda message: None)
+    due = {agent.id: deadlines.get(agent.id, Deadline(horizon, tolerance)) for agent in plant.agents}
+    longest = max(one.horizon for one in due.values())
     shared = tuple(shared_points(plant, np.random.default_rng(seed), 8, 4))
-    layers = tuple(upper_layer(plant, controller, start, horizon) for start in shared)
+    layers = tuple(upper_layer(plant, controller, start, longest) for start in shared)
     lost = next((layer for layer in layers if layer.status != "completed"), None)
     if lost is not None:
-        return CrossCheck(0, 0, math.nan, None, (), time.time() - begun, f"the coordinator: {lost.reason}")
-    setting = _Setting(plant, controller, shared, layers, horizon, tolerance, bounds, compiled, seed, count)
+        return CrossCheck(0, 0, math.nan, None, (), count, f"the coordinator: {lost.reason}")
+    setting = _Setting(plant, controller, shared, layers, due, bounds, compiled, seed, count)
+    until = time.time() + time_limit
     tasks = [
-        _Task(agent.id, low, high, begun + budget_seconds) for low, high in _parts(count) for agent in plant.agents
+        _Task(agent.id, low, high, until if low else math.inf) for low, high in _parts(count) for agent in plant.agents
     ]
     parts: dict[int, list[_Part]] = {}
     results = run_tasks(partial(_run, setting), tasks, workers=workers, scheduler=scheduler)
-    for task, part in zip(tasks, results, strict=True):
+    for done, (task, part) in enumerate(zip(tasks, results, strict=True), start=1):
+        if share is not None:
+            share(done / len(tasks))
         if part is None:
             continue
         parts.setdefault(task.agent, []).append(part)
         say(f"{sum(one.tried.trajectories for found in parts.values() for one in found)} trajectories")
         if part.witness is not None:
             break
-    return _result([_together(found) for found in parts.values()], time.time() - begun)
+    return _result([_together(found) for found in parts.values()], count)
 
 
 def _parts(count: int) -> Iterator[tuple[int, int]]:
@@ -131,14 +137,13 @@ def _parts(count: int) -> Iterator[tuple[int, int]]:
 
 def _run(setting: _Setting, task: _Task) -> _Part | None:
     """``None`` when the time is over."""
-    if time.time() >= task.deadline:
+    if time.time() >= task.until:
         return None
     search = Search(
         agent_loop(setting.plant, setting.controller, task.agent),
         setting.shared,
         setting.layers,
-        setting.horizon,
-        setting.tolerance,
+        setting.due[task.agent],
         setting.bounds,
         lambda message: None,
         setting.compiled,
@@ -175,17 +180,17 @@ def _together(parts: list[_Part]) -> _Part:
     return _Part(tried, min(part.margin for part in parts), None, "")
 
 
-def _result(agents: list[_Part], seconds: float) -> CrossCheck:
+def _result(agents: list[_Part], asked: int) -> CrossCheck:
     tried = tuple(agent.tried for agent in agents)
     count, failed = sum(agent.trajectories for agent in tried), sum(agent.failed for agent in tried)
-    said = f"{count} trajectories in {seconds:.0f} s"
+    said = f"{count} trajectories"
     broken = next((agent for agent in agents if agent.witness is not None), None)
     if broken is not None:
-        return CrossCheck(count, failed, broken.margin, broken.witness, tried, seconds, f"{said}: {broken.reason}")
+        return CrossCheck(count, failed, broken.margin, broken.witness, tried, asked, f"{said}: {broken.reason}")
     margins = [agent.margin for agent in agents if math.isfinite(agent.margin)]
     worst = min(margins) if margins else math.nan
     if failed:
         said += f", {failed} of which cannot be integrated in floats"
     if failed < count:
         said += f", none breaks the claim, worst margin {worst:.4g}"
-    return CrossCheck(count, failed, worst, None, tried, seconds, said)
+    return CrossCheck(count, failed, worst, None, tried, asked, said)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, ProcessPoolExecutor
+from concurrent.futures import CancelledError
 from functools import partial
-from multiprocessing import get_context
 from threading import Lock
 from typing import TypeVar
 
+from certify.workers import Say, in_processes, processors
 from symbolic.errors import InputError
+
+__all__ = ["processors", "run_tasks"]
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -21,38 +22,30 @@ _ONE_AT_A_TIME = Lock()
 
 
 def run_tasks(
-    function: Callable[[Task], Result], tasks: Sequence[Task], *, workers: int = 1, scheduler: str | None = None
+    function: Callable[..., Result],
+    tasks: Sequence[Task],
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    listen: Say | None = None,
 ) -> Iterator[Result]:
     """``function(task)`` for every task, in the order of the tasks; closing the iterator drops those not begun.
 
-    Runs here for one worker, in that many processes for more, and with ``scheduler`` on the workers of the Dask
-    scheduler at that address (the extra ``cluster``; ``workers`` is not used then). Off this process, ``function``, the
-    tasks and the results are pickled. A task must bring its own seed: Dask runs it again when its worker dies. Dask
-    unpickles what a cluster sends, so use only one you trust, with the same libraries installed on it.
+    With ``listen`` it is ``function(task, say)`` on this machine, and ``listen`` gets what was said.
+
+    Runs here for one worker, in that many processes for more (:mod:`certify.workers`), and with ``scheduler`` on the
+    workers of the Dask scheduler at that address (the extra ``cluster``; ``workers`` is not used then), where
+    ``function``, the tasks and the results are pickled. A task must bring its own seed: Dask runs it again when its
+    worker dies. Dask unpickles what a cluster sends, so use only one you trust, with the same libraries on it.
 
     Raises ``InputError`` if the extra is missing, nothing answers at the address, no worker joins in time, one task has
     lost too many workers, or the scheduler is lost.
     """
     if scheduler is not None:
         return _on_cluster(function, tasks, scheduler)
-    if workers > 1:
-        return _in_processes(function, tasks, workers)
-    return map(function, tasks)
-
-
-def processors() -> int:
-    """How many this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _in_processes(function: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> Iterator[Result]:
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:
-        yield from pool.map(function, tasks, chunksize=max(1, len(tasks) // (4 * workers)))
-    finally:
-        pool.shutdown(cancel_futures=True)
+    if listen is None:
+        return in_processes(lambda task, _: function(task), tasks, workers)
+    return in_processes(function, tasks, workers, listen)
 
 
 def _on_cluster(function: Callable[[Task], Result], tasks: Sequence[Task], address: str) -> Iterator[Result]:

@@ -9,10 +9,11 @@ tolerances (``sims.witness``) and only counts if that run agrees. Surviving prov
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -22,6 +23,7 @@ from sims.agent_loop import AgentLoop, agent_loop, upper_layer
 from sims.batch import COMPLETED, ESCAPED, FAILED, BatchOptions, BatchSolution
 from sims.bounds import SignalBound, margin
 from sims.coordinator import UpperLayer
+from sims.deadline import Deadline
 from sims.executors import run_tasks
 from sims.fate import BROKEN, amplitudes, judge, windows
 from sims.scores import broken_margin, seen
@@ -37,7 +39,9 @@ from symbolic.plant import Plant
 Progress = Callable[[str], None]
 Status = Literal["refuted", "survived", "inconclusive"]
 
-HORIZON = 40.0
+Share = Callable[[float], None]
+
+HORIZON = 40.0  # seconds, and below the error at their end: where no deadlines are given, for plants scaled to one
 TOLERANCE = Fraction(1, 10_000)
 _CHUNK = 512
 _EXTENSION = 2
@@ -87,55 +91,75 @@ def falsify(
     *,
     budget: int = 1000,
     seed: int = 0,
-    horizon: float = HORIZON,
+    horizon: float | None = None,
     tolerance: Fraction = TOLERANCE,
+    deadlines: Mapping[int, Deadline] = MappingProxyType({}),
     bounds: Sequence[SignalBound] | None = None,
     agents: Sequence[int] | None = None,
     compiled: bool = False,
     progress: Progress | None = None,
+    share: Share | None = None,
+    workers: int = 1,
     scheduler: str | None = None,
 ) -> FalsifierResult:
-    """Search with about ``budget`` trajectories per agent of ``horizon`` seconds; ``agents`` are all if left out.
+    """Search with about ``budget`` trajectories per agent; ``agents`` are all if left out.
 
-    A trajectory breaks the claim when it escapes, when its error at the end is above ``tolerance`` and has stopped to
-    fall, or when it leaves one of the ``bounds``. ``compiled`` takes the integrator of the
-    extra ``fast``. With a Dask ``scheduler`` its workers search the agents (see :func:`sims.executors.run_tasks`). The
-    same ``seed`` gives the same search. Raises ``InputError`` for options that do not fit.
+    A trajectory of an agent lasts as long as its deadline says, else ``horizon`` (default 40) seconds. It breaks the
+    claim when it escapes, when its error at the end is above the deadline's tolerance (else ``tolerance``) and has
+    stopped to fall, or when it leaves one of the ``bounds``. ``share`` is told what part of the search is done.
+    ``compiled`` takes the integrator of the extra ``fast``. ``workers`` and a Dask ``scheduler`` are as for
+    :func:`sims.executors.run_tasks`. The same ``seed`` gives the same search wherever it runs. Raises ``InputError``
+    for options that do not fit.
     """
-    if budget < 1 or seed < 0 or not 0.0 < horizon < math.inf or tolerance <= 0:
+    numbers = require_agents(plant, agents)
+    default = Deadline(HORIZON if horizon is None else horizon, tolerance)
+    due = {number: deadlines.get(number, default) for number in numbers}
+    longest = max(one.horizon for one in due.values())
+    valid = all(0.0 < one.horizon < math.inf and one.tolerance > 0 for one in due.values())
+    if budget < 1 or seed < 0 or not valid:
         raise InputError("the search needs budget >= 1, seed >= 0, a horizon > 0 and a tolerance > 0")
-    numbers = _known(plant, agents)
     say = progress or (lambda message: None)
     generator = np.random.default_rng(seed)
     shared = shared_points(plant, generator, _SHARED_CORNERS, _SHARED_INNER)
-    layers = [upper_layer(plant, controller, start, horizon) for start in shared]
+    layers = [upper_layer(plant, controller, start, longest) for start in shared]
     broken = next((layer for layer in layers if layer.status != "completed"), None)
     if broken is not None:
         return FalsifierResult("inconclusive", None, math.nan, (), f"the coordinator {broken.status}: {broken.reason}")
-    tell = say if scheduler is None else _silent
-    prepared = (shared, layers, horizon, tolerance, tuple(bounds or ()), tell, compiled)
+    prepared = (shared, layers, due, tuple(bounds or ()), compiled)
     hunt = partial(_hunt, plant, controller, prepared, budget, seed)
     tried = []
     least = math.inf
-    for count, margin_found, witness, reason in run_tasks(hunt, numbers, scheduler=scheduler):
+    for count, margin_found, witness, reason in run_tasks(
+        hunt, numbers, workers=workers, scheduler=scheduler, listen=say
+    ):
         tried.append(count)
         say(f"agent {count.agent}: done, {count.trajectories} trajectories")
+        if share is not None:
+            share(len(tried) / len(numbers))
         least = min(least, margin_found)
         if witness is not None:
             return FalsifierResult("refuted", witness, margin_found, tuple(tried), reason)
-    return _survival(tuple(tried), least, layers, plant, controller, numbers, tolerance)
+    return _survival(tuple(tried), least, controller)
 
 
 def _hunt(
-    plant: Plant, controller: Controller, prepared: tuple[Any, ...], budget: int, seed: int, number: int
+    plant: Plant,
+    controller: Controller,
+    prepared: tuple[Any, ...],
+    budget: int,
+    seed: int,
+    number: int,
+    say: Progress = lambda message: None,
 ) -> tuple[Tried, float, Witness | None, str]:
     """One agent: what was tried, margin, witness, reason. ``prepared`` goes to :class:`Search` after the loop."""
-    search = Search(agent_loop(plant, controller, number), *prepared)
+    shared, layers, due, bounds, compiled = prepared
+    search = Search(agent_loop(plant, controller, number), shared, layers, due[number], bounds, say, compiled)
     witness = search.hunt(budget, np.random.default_rng([seed, number]))
     return search.tried, search.margin, witness, search.reason
 
 
-def _known(plant: Plant, agents: Sequence[int] | None) -> list[int]:
+def require_agents(plant: Plant, agents: Sequence[int] | None) -> list[int]:
+    """The agents to search, all if left out. Raises ``InputError`` for one that the plant does not have."""
     known = [agent.id for agent in plant.agents]
     missing = [number for number in agents or () if number not in known]
     if missing or (agents is not None and not agents):
@@ -143,18 +167,10 @@ def _known(plant: Plant, agents: Sequence[int] | None) -> list[int]:
     return known if agents is None else sorted(set(agents))
 
 
-def _silent(message: str) -> None:
-    """Progress of a search on another machine, which stays there."""
-
-
 def _survival(
     tried: tuple[Tried, ...],
     least: float,
-    layers: Sequence[UpperLayer],
-    plant: Plant,
     controller: Controller,
-    numbers: Sequence[int],
-    tolerance: Fraction,
 ) -> FalsifierResult:
     total = sum(agent.trajectories for agent in tried)
     failed = [agent for agent in tried if 2 * agent.failed >= agent.trajectories]
@@ -189,8 +205,7 @@ class Search:
         loop: AgentLoop,
         shared: Sequence[SharedPoint],
         layers: Sequence[UpperLayer],
-        horizon: float,
-        tolerance: Fraction,
+        due: Deadline,
         bounds: tuple[SignalBound, ...],
         say: Progress,
         compiled: bool = False,
@@ -199,10 +214,10 @@ class Search:
         self.signals = loop.signals(layers)
         self.longer: SignalPool | None = None
         self.box = agent_box(loop.agent, loop.law)
-        self.horizon, self.tolerance = horizon, tolerance
+        self.horizon, self.tolerance = due.horizon, due.tolerance
         self.options = replace(_OPTIONS, compiled=compiled)
         self.bounds = tuple(bound for bound in bounds if bound.agent == loop.agent.id)
-        self.frame = windows(loop.plant, horizon)
+        self.frame = windows(loop.plant, due.horizon)
         early = np.linspace(0.0, self.frame.times[0], 201) if self.bounds else np.zeros(0)
         self.times = np.union1d(early, self.frame.times)
         self.tried = Tried(loop.agent.id, 0, 0, 0, 0.0, 0.0)

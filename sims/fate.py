@@ -38,7 +38,7 @@ class Windows:
 
 def windows(plant: Plant, horizon: float) -> Windows:
     """Three windows, each a fifth of the horizon or a period of the exosystem, whichever is longer."""
-    length = min(max(horizon / 5, _period(plant)), horizon / 3)
+    length = min(max(horizon / 5, longest_period(plant)), horizon / 3)
     count = 3
     generator = np.random.default_rng(0)
     places = (np.arange(count * _PER_WINDOW) + generator.uniform(0.05, 0.95, count * _PER_WINDOW)) / _PER_WINDOW
@@ -71,7 +71,7 @@ def judge(error: Array, frame: Windows, tolerance: float, *, strict: bool = Fals
     return "oscillates" if np.ptp(last) > 0.1 * third else "offset"
 
 
-def _period(plant: Plant) -> float:
+def longest_period(plant: Plant) -> float:
     """The longest period among the eigenvalues of ``S`` in floats; 0 without oscillation."""
     states = len(plant.exosystem.states)
     if not states:

@@ -18,6 +18,7 @@ from sims.agent_loop import AgentLoop, agent_loop, upper_layer
 from sims.batch import ABANDONED, COMPLETED, ESCAPED, BatchOptions, BatchSolution
 from sims.critical_gains import critical_h, critical_K
 from sims.cross_check import cross_check
+from sims.deadline import Deadline
 from sims.sampled_controller import SampledController, run_sampled
 from sims.search_space import AgentPoint, SharedPoint, agent_box, agent_point, shared_points
 from sims.stage_code import numpy_functions, stage_sources
@@ -213,17 +214,36 @@ def test_feedback_without_saturation_is_not_compiled(five_agents: Plant, good: C
 
 def test_cross_check_counts_and_finds(five_agents: Plant, good: Controller) -> None:
     plant = five_agents
-    passed = cross_check(plant, good, count=6, budget_seconds=120)
+    passed = cross_check(plant, good, count=6)
     assert (passed.count, passed.failed, passed.broken) == (30, 0, None)
     assert 0.9 < passed.worst_margin < 1 and "30 trajectories" in passed.reason
-    divided = cross_check(plant, good, count=6, budget_seconds=120, workers=2)
-    assert replace(divided, seconds=0.0, reason="") == replace(passed, seconds=0.0, reason="")
-    broken = cross_check(plant, with_gains(good, g=2, K=10, h=50), count=60, budget_seconds=120)
+    assert cross_check(plant, good, count=6, workers=2) == passed
+    broken = cross_check(plant, with_gains(good, g=2, K=10, h=50), count=60)
     assert broken.broken is not None and broken.worst_margin < 0
-    hurried = cross_check(plant, good, count=100_000, budget_seconds=1e-6)
-    assert hurried.count == 0 and np.isnan(hurried.worst_margin)
     with pytest.raises(InputError, match="a cross-check needs count >= 1"):
         cross_check(plant, good, count=0)
+
+
+def test_a_time_limit_leaves_the_first_part_of_every_agent(
+    five_agents: Plant, good: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sims.cross_check._FIRST", 2)
+    shares: list[float] = []
+    hurried = cross_check(five_agents, good, count=100, time_limit=1e-9, horizon=5, share=shares.append)
+    assert [tried.trajectories for tried in hurried.tried] == [2] * 5
+    assert (hurried.count, hurried.asked) == (10, 100)
+    assert shares == sorted(shares) and shares[-1] == 1.0
+
+
+def test_every_agent_has_its_own_deadline(five_agents: Plant, good: Controller) -> None:
+    """The same points: what is due is what each agent is judged by, at an end of its own."""
+    strict = {2: Deadline(20.0, Fraction(1, 10**15)), 3: Deadline(12.0, Fraction(1))}
+    found = cross_check(five_agents, good, count=2, deadlines=strict)
+    slow = {tried.agent: tried.slow for tried in found.tried}
+    assert slow[2] > 0 and slow[3] == 0
+    early = {tried.agent: tried.worst for tried in found.tried}
+    late = {tried.agent: tried.worst for tried in cross_check(five_agents, good, count=2).tried}
+    assert early[3] > late[3] and early[1] == late[1]
 
 
 @pytest.mark.slow

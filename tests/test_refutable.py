@@ -48,6 +48,6 @@ def test_exceptions_are_counted_as_failures(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_time_limit_ends_the_search_of_the_direct_route(monkeypatch: pytest.MonkeyPatch) -> None:
     """In a worker the pipeline makes no processes of its own, which an alarm would not reach."""
-    monkeypatch.setattr(pipeline, "MOST_WORKERS", 1)
+    monkeypatch.setattr(pipeline, "processors", lambda: 1)
     monkeypatch.setattr("certify.tube.route.tube_agent", lambda *arguments: any(zero for zero in iter(int, 1)))
     assert attempt(healthy(random.Random("limit"), least=2).text(), "direct", seconds=1)[0] == "too long"

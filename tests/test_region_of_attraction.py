@@ -26,6 +26,8 @@ from sims.attraction import (
 )
 from sims.attraction_plots import LOOKS, plot_bounds, plot_region
 from sims.bounds import ERROR, SignalBound
+from sims.deadline import Deadline
+from sims.falsifier import TOLERANCE
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Interval, Plant
@@ -61,11 +63,13 @@ def test_a_slice_has_the_fates_of_its_starts(five_agents: Plant, weak: Controlle
 
 
 def test_the_window_ends_beyond_the_first_start_that_is_lost(five_agents: Plant, weak: Controller) -> None:
-    (low, high), _ = region_window(five_agents, weak, 1, ("z1", "x2"), vertices=1, horizon=25)
+    (low, high), _ = region_window(five_agents, weak, 1, ("z1", "x2"), vertices=1, due=Deadline(25, TOLERANCE))
     edge = high / 1.25
     assert low == -high
     spans = ((-edge, edge), (-1.0, 1.0))
-    starts = region_slice(five_agents, weak, 1, ("z1", "x2"), spans, points=101, vertices=1, horizon=25)
+    starts = region_slice(
+        five_agents, weak, 1, ("z1", "x2"), spans, points=101, vertices=1, due=Deadline(25, TOLERANCE)
+    )
     middle = starts.fates[50]
     assert (middle[[0, -1]] != CONVERGES).any()  # within 1 % of the edge
     inner = np.abs(starts.first) <= edge / 2
@@ -77,8 +81,9 @@ def test_the_plane_that_is_drawn(five_agents: Plant) -> None:
 
 
 def test_slices_are_the_same_in_processes(five_agents: Plant, weak: Controller) -> None:
-    alone = region_slices(five_agents, weak, [1, 3], points=3, vertices=1, horizon=20)
-    divided = region_slices(five_agents, weak, [1, 3], points=3, vertices=1, horizon=20, workers=2)
+    due = {1: Deadline(20, TOLERANCE), 3: Deadline(25, TOLERANCE)}
+    alone = region_slices(five_agents, weak, [1, 3], points=3, vertices=1, deadlines=due)
+    divided = region_slices(five_agents, weak, [1, 3], points=3, vertices=1, deadlines=due, workers=2)
     assert [found.agent for found in alone] == [1, 3]
     for one, two in zip(alone, divided, strict=True):
         assert (one.fates == two.fates).all() and (one.first == two.first).all()

@@ -41,6 +41,7 @@ from reports.study import Study, conclusion
 from sims.certified_bounds import signal_bounds
 from sims.closed_loop import Trajectory, simulate
 from sims.cross_check import CrossCheck
+from sims.deadline import certified_deadlines
 from sims.falsifier import Tried
 from sims.scenario import random_scenario
 from symbolic.controller import Controller
@@ -357,7 +358,7 @@ def test_a_damaged_tube_is_not_shown(certified: Certified) -> None:
 
 def checked(count: int, failed: int, broken: Any = None) -> CrossCheck:
     tried = (Tried(1, count, failed, 0, 0.0, 1.0),)
-    return CrossCheck(count, failed, 0.5 if count else math.nan, broken, tried, 3.2, "said")
+    return CrossCheck(count, failed, 0.5 if count else math.nan, broken, tried, 10, "said")
 
 
 def test_how_a_search_ends() -> None:
@@ -367,11 +368,12 @@ def test_how_a_search_ends() -> None:
     none = "10 trajectories (10 of each agent), none breaks the claim, worst margin 0.5"
     assert sentence(checked(10, 0), 1) == none
     assert sentence(checked(10, 1), 1) == f"{none}; 1 could not be integrated in floats"
-    assert sentence(checked(10, 0), 4) == f"{none}; the time did not suffice for agents 2–4"
+    assert sentence(checked(10, 0), 4) == f"{none}; the time limit left out the rest of 40"
     uneven = replace(checked(10, 0), count=13, tried=(Tried(1, 10, 0, 0, 0.0, 1.0), Tried(2, 3, 0, 0, 0.0, 1.0)))
     assert sentence(uneven, 2).startswith("13 trajectories (3 to 10 of each agent), none")
     assert search_fields(uneven, 2)["agents"] == [{"id": 1, "trajectories": 10}, {"id": 2, "trajectories": 3}]
     assert search_fields(None, 1)["status"] == "left out"
+    assert (search_fields(uneven, 2)["asked"], search_fields(uneven, 2)["limited"]) == (10, True)
     assert search_fields(checked(0, 0), 1)["margin"] is None
 
 
@@ -398,6 +400,8 @@ def test_the_search_tries_the_certified_gains_against_the_region(
     assert study.search == checked(10, 0)
     assert seen["controller"] == certified.controller
     assert seen["bounds"] == signal_bounds(certified.bounds)
+    assert seen["deadlines"] == certified_deadlines(certified.study.plant, certified.bounds)
+    assert (seen["count"], seen["time_limit"]) == (5000, math.inf)  # 10 000 of two agents, however long they take
     assert certified_steps.with_search(replace(certified.study, verification=None), Steps()).search is None
     assert "left out: there is no verified certificate" in capsys.readouterr().err
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 import sys
 import traceback
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
 
+from certify.lifetime import WorkerLostError
 from reports.command_line import check, derive, falsify, gains, report, run, simulate, verify
 from reports.command_line.outcome import BAD_INPUT, UNDECIDED, Outcome
 from symbolic.errors import InputError, one_line
 
 INTERRUPTED = 130
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 app.command("run")(run.command)
 app.command("check")(check.command)
 app.command("derive")(derive.command)
@@ -29,6 +29,8 @@ app.command("report")(report.command)
 
 def _show_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         typer.echo(version("consensus-certify"))
         raise typer.Exit
 
@@ -41,7 +43,8 @@ def certify(
 ) -> None:
     """Certify distributed optimal output consensus of uncertain nonlinear agents.
 
-    Exit codes: 0 holds, certified or verified; 1 refuted; 2 bad input or usage; 3 not decided.
+    Exit codes: 0 holds, certified, verified, survived or simulated; 1 refuted or rejected; 2 bad input or usage; 3 not
+    decided; 130 and 143 interrupted.
     """
 
 
@@ -56,13 +59,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(f"{error.format_message()} (see certify --help)", BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         return _complain("interrupted", INTERRUPTED)
+    except WorkerLostError as error:
+        return _stopped(str(error), given)
     except Exception as error:  # noqa: BLE001 - a crash would leave with 1, which means refuted
         traceback.print_exc()
-        reason = f"internal error: {type(error).__name__}: {error}"
-        if "--json" in given:
-            print(Outcome("inconclusive", {"reason": reason}, "").as_json())
-        return _complain(reason, UNDECIDED)
+        return _stopped(f"internal error: {type(error).__name__}: {error}", given)
     return code if isinstance(code, int) else 0
+
+
+def _stopped(reason: str, given: Sequence[str]) -> int:
+    if "--json" in given:
+        print(Outcome("inconclusive", {"reason": reason}, "").as_json())
+    return _complain(reason, UNDECIDED)
 
 
 def _complain(reason: str, code: int) -> int:

@@ -9,9 +9,11 @@ import typer
 
 from certify.routes import ROUTES
 
-PlantArgument = Annotated[Path, typer.Argument(metavar="PLANT", help="Plant file (TOML).", show_default=False)]
+PlantArgument = Annotated[
+    Path, typer.Argument(metavar="PLANT", help="Plant file (TOML); - for stdin.", show_default=False)
+]
 CertificateArgument = Annotated[
-    Path, typer.Argument(metavar="CERT", help="Certificate file (JSON).", show_default=False)
+    Path, typer.Argument(metavar="CERT", help="Certificate file (JSON); - for stdin.", show_default=False)
 ]
 FolderOption = Annotated[
     Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write to.", show_default=False)

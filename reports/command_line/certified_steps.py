@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 
 from certify.coordinator.envelope import Envelope
@@ -10,22 +12,31 @@ from certify.statement.bounds import proved_bounds
 from certify.statement.claim import CertifiedGains
 from certify.statement.controller import certified_controller
 from certify.statement.recomputed import coordinator_envelope
-from reports.command_line.simulate import HORIZON
 from reports.command_line.steps import Steps
-from reports.cross_checked import SECONDS, sentence
+from reports.cross_checked import sentence, share_of_each
 from reports.study import Study, conclusion
 from sims.attraction import region_slices
 from sims.certified_bounds import signal_bounds
 from sims.closed_loop import simulate
 from sims.cross_check import cross_check
+from sims.deadline import Deadline, certified_deadlines, nominal_deadlines
 from sims.executors import processors
 from sims.scenario import random_scenario
+from symbolic.controller import Controller
 
 SEED = 0
 RUNS = 4
-SEARCHED = 2000  # trajectories per agent
 SLICED, SLICED_SLOWLY = 6, 3  # agents, with and without the compiled integrator
 POINTS, POINTS_SLOWLY = 19, 13
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Trajectories per agent (left out, 10 000 are shared out), a limit in seconds, and a Dask scheduler."""
+
+    trajectories: int | None = None
+    time_limit: float | None = None
+    scheduler: str | None = None
 
 
 def with_region(study: Study, steps: Steps) -> Study:
@@ -60,7 +71,9 @@ def with_runs(study: Study, steps: Steps) -> Study:
             random_scenario(plant, controller, (SEED, k), parameters="vertex", start="vertex") for k in range(RUNS)
         ]
         runs = tuple(
-            simulate(plant, controller, horizon=HORIZON, scenario=scenario, samples=study.trajectory.t)
+            simulate(
+                plant, controller, horizon=float(study.trajectory.t[-1]), scenario=scenario, samples=study.trajectory.t
+            )
             for scenario in scenarios
         )
         report(f"{RUNS} starts at vertices of all boxes, seed {SEED}")
@@ -84,19 +97,20 @@ def with_slices(study: Study, steps: Steps, scheduler: str | None = None) -> Stu
             controller,
             agents,
             points=POINTS if compiled else POINTS_SLOWLY,
-            horizon=HORIZON,
+            deadlines=deadlines(study, controller),
             seed=SEED,
             compiled=compiled,
             workers=1 if compiled else processors(),
             scheduler=scheduler,
+            share=report.share,
         )
         starts = sum(part.fates.size for part in found)
         report(f"{starts} starts on {len(found)} planes" if found else "no agent has two plant states")
     return replace(study, slices=found)
 
 
-def with_search(study: Study, steps: Steps, scheduler: str | None = None) -> Study:
-    """Random trajectories that might break the claim or leave the region, as many as the time allows.
+def with_search(study: Study, steps: Steps, search: SearchOptions = SearchOptions()) -> Study:
+    """Random trajectories that might break the claim or leave the region, as many as the options say.
 
     On the workers of a Dask ``scheduler``; else compiled where the extra ``fast`` is installed, in processes if not.
     """
@@ -108,23 +122,32 @@ def with_search(study: Study, steps: Steps, scheduler: str | None = None) -> Stu
         steps.note("falsify", "left out: no integrator in floats follows gains this large")
         return study
     bounds = () if study.bounds is None else signal_bounds(study.bounds)
-    compiled = _compiled(scheduler)
+    compiled = _compiled(search.scheduler)
     with steps.step("falsify") as report:
         controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")
         found = cross_check(
             study.plant,
             controller,
-            count=SEARCHED,
-            budget_seconds=SECONDS,
+            count=search.trajectories or share_of_each(len(study.plant.agents)),
+            time_limit=search.time_limit or math.inf,
+            deadlines=deadlines(study, controller),
             seed=SEED,
             bounds=bounds,
             compiled=compiled,
             workers=1 if compiled else processors(),
-            scheduler=scheduler,
+            scheduler=search.scheduler,
             progress=report.progress,
+            share=report.share,
         )
         report(found.reason if found.broken else sentence(found, len(study.plant.agents)))
     return replace(study, search=found, seed=SEED)
+
+
+def deadlines(study: Study, controller: Controller) -> Mapping[int, Deadline]:
+    """How long runs last: as the proved bounds say where there are some, else as a run from the centre of the boxes."""
+    if study.bounds is not None:
+        return certified_deadlines(study.plant, study.bounds)
+    return nominal_deadlines(study.plant, controller)
 
 
 def _compiled(scheduler: str | None) -> bool:

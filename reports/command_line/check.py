@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reports.command_line.arguments import JsonOption, PlantArgument
+from reports.command_line.inputs import given_plant
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.steps import Steps
 
@@ -14,12 +15,11 @@ if TYPE_CHECKING:
 
 def command(plant: PlantArgument, as_json: JsonOption = False) -> None:
     """Decide the assumptions A0 … A6, with the evidence for each."""
-    from symbolic.plant_file import load_plant
-
-    loaded = load_plant(plant)
+    file = given_plant(plant)
+    loaded = file.as_plant()
     from certify.assumptions.check import check_assumptions
 
-    with Steps().step("check") as report, naming(plant):
+    with Steps().step("check") as report, naming(file.name):
         checked = check_assumptions(loaded)
         report(checked.status)
     finish(outcome(checked), as_json)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from reports.command_line.arguments import JsonOption, PlantArgument
+from reports.command_line.inputs import given_plant
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.steps import Steps
 
@@ -23,9 +23,9 @@ def command(
 ) -> None:
     """Derive z*, u*, the internal models and the error coordinates."""
     from symbolic.derivation import as_dict, as_latex, as_text
-    from symbolic.plant_file import load_plant
 
-    derivation = derived(load_plant(plant), plant, Steps())
+    file = given_plant(plant)
+    derivation = derived(file.as_plant(), file.name, Steps())
     fields = as_dict(derivation)
     if latex:
         fields["latex"] = as_latex(derivation)
@@ -33,7 +33,7 @@ def command(
     finish(Outcome(derivation.verdict, fields, text), as_json)
 
 
-def derived(plant: Plant, file: Path, steps: Steps) -> Derivation:
+def derived(plant: Plant, file: str, steps: Steps) -> Derivation:
     """The derivation for the exact optimum, or for the symbol s where the optimum is not rational or not known."""
     from certify.optimum import NoOptimumError, optimum
     from symbolic.constants import as_rational

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from certify.files import require_writable
 from certify.routes import DEFAULT
 from reports.command_line.arguments import JsonOption, PlantArgument, RouteOption
+from reports.command_line.inputs import given_plant
 from reports.command_line.outcome import Outcome, finish, naming
+from reports.command_line.outputs import deliver, require_file
 from reports.command_line.steps import Steps
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 def command(
     plant: PlantArgument,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="CERT", help="Certificate to write.", show_default=False)
+        Path,
+        typer.Option("-o", "--output", metavar="CERT", help="Certificate to write (- for stdout).", show_default=False),
     ],
     route: RouteOption = DEFAULT,
     as_json: JsonOption = False,
@@ -32,19 +34,17 @@ def command(
 
     What [gains], [coordinator], observer, gamma and internal_model fix in the plant file is kept and decided as it is.
     """
-    from symbolic.plant_file import load_plant
-
-    loaded = load_plant(plant)
-    require_writable(output)
-    from certify.certificate import write_certificate
+    require_file(output, as_json)
+    file = given_plant(plant)
+    loaded = file.as_plant()
+    from certify.certificate import certificate_bytes
     from certify.pipeline import design_gains
 
-    with Steps().step("gains") as report, naming(plant):
+    with Steps().step("gains") as report, naming(file.name):
         result = design_gains(loaded, route=route, progress=report.progress)
         report(result.status)
-    if result.certificate is not None:
-        write_certificate(result.certificate, output)
-    finish(outcome(result, loaded), as_json)
+    made = None if result.certificate is None else deliver(output, certificate_bytes(result.certificate))
+    finish(outcome(result, loaded), as_json, made)
 
 
 def outcome(result: GainsResult, plant: Plant) -> Outcome:

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 from typing import NoReturn
 
 import typer
@@ -22,6 +21,8 @@ EXIT_CODES = {
     "holds": HOLDS,
     "certified": HOLDS,
     "verified": HOLDS,
+    "survived": HOLDS,
+    "simulated": HOLDS,
     "fails": REFUTED,
     "rejected": REFUTED,
     "refuted": REFUTED,
@@ -51,24 +52,27 @@ def json_text(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False, default=_exact)
 
 
-def finish(outcome: Outcome, as_json: bool) -> NoReturn:
-    """Print the outcome and leave with its exit code."""
+def finish(outcome: Outcome, as_json: bool, document: bytes | None = None) -> NoReturn:
+    """Print the outcome and leave with its exit code; a ``document`` takes stdout for itself."""
     printed = outcome.as_json() if as_json else outcome.text.rstrip("\n")
     try:
-        sys.stdout.write(printed + "\n" if printed else "")
-        sys.stdout.flush()
+        if document is not None:
+            sys.stdout.flush()
+            sys.stdout.buffer.write(document)
+            sys.stdout.flush()
+        print(printed, end="\n" if printed else "", file=sys.stdout if document is None else sys.stderr, flush=True)
     except BrokenPipeError:  # the reader has gone; the exit code still tells
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     raise typer.Exit(outcome.exit_code)
 
 
 @contextmanager
-def naming(file: Path) -> Iterator[None]:
+def naming(file: str) -> Iterator[None]:
     """Put the file in front of an ``InputError`` that only knows the key."""
     try:
         yield
     except InputError as error:
-        if str(error).startswith(str(file)):
+        if str(error).startswith(file):
             raise
         raise InputError(f"{file}: {error}") from error
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from certify.files import make_folder, write_atomically
+import typer
+
+from certify.files import write_together
 from certify.routes import DEFAULT
 from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, RouteOption, SchedulerOption
 from reports.command_line.drawing import prepare_drawing
 from reports.command_line.gains import gains_table
+from reports.command_line.inputs import given_plant
 from reports.command_line.outcome import Outcome, finish, naming
+from reports.command_line.outputs import require_output_folder
 from reports.command_line.steps import Steps
 
 if TYPE_CHECKING:
+    from reports.command_line.certified_steps import SearchOptions
     from reports.study import Study
 
 CERTIFICATE, REPORT, SUMMARY, WITNESS = "certificate.json", "report.pdf", "summary.json", "witness.json"
@@ -25,6 +29,24 @@ def command(
     plant: PlantArgument,
     output: FolderOption,
     route: RouteOption = DEFAULT,
+    budget: Annotated[
+        int | None,
+        typer.Option(
+            help="Trajectories that the search simulates of each agent; else 10 000 of all together.",
+            min=1,
+            max=10**7,
+            show_default=False,
+        ),
+    ] = None,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Begin no further part of the search after that, but for the first of each agent.",
+            min=0.001,
+            show_default=False,
+        ),
+    ] = None,
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -34,58 +56,54 @@ def command(
     certificate.json if there is one, region.svg if an agent has two plant states, witness.json if a trajectory breaks
     the claim.
     """
-    from symbolic.plant_file import load_plant
-
-    loaded = load_plant(plant)
-    make_folder(output)
+    require_output_folder(output)
+    file = given_plant(plant)
+    loaded = file.as_plant()
     prepare_drawing()
+    from reports.command_line.certified_steps import SearchOptions
     from reports.command_line.study_steps import started
     from reports.document import build_report
 
     steps = Steps()
-    with naming(plant):
+    with naming(file.name):
         begun = started(loaded, ["run", plant, "-o", output, "--route", route])
-        study = studied(begun, plant, output, route, steps, scheduler)
+        study = studied(begun, file.name, route, steps, SearchOptions(budget, time_limit, scheduler))
     with steps.step("report") as report:
-        build_report(study, output / REPORT)
+        pdf = build_report(study)
         report(str(output / REPORT))
     result = outcome(study)
-    write_atomically(output / SUMMARY, (result.as_json() + "\n").encode())
+    write_together(output, {**results(study), REPORT: pdf, SUMMARY: (result.as_json() + "\n").encode()})
     finish(result, as_json)
 
 
-def studied(study: Study, plant: Path, folder: Path, route: str, steps: Steps, scheduler: str | None = None) -> Study:
+def studied(study: Study, source: str, route: str, steps: Steps, search: SearchOptions) -> Study:
     """All steps up to the report; what a failed assumption makes pointless is left out."""
-    from certify.certificate import write_certificate
-    from reports.attraction import attraction_figure
     from reports.command_line import study_steps as step
     from reports.command_line.certified_steps import with_region, with_runs, with_search, with_slices
-    from reports.figures import svg
 
-    file = folder / CERTIFICATE
     study = step.with_check(study, steps)
-    study = step.with_derivation(study, plant, steps)
+    study = step.with_derivation(study, source, steps)
     study = step.with_gains(study, route, steps)
-    certificate = study.gains.certificate if study.gains else None
-    if certificate is None:
-        file.unlink(missing_ok=True)  # that of an earlier run would not belong to this report
-    else:
-        write_certificate(certificate, file)
-        study = step.with_certificate(study, certificate, plant, file, steps)
+    study = step.with_verification(study, steps)
     study = step.with_simulation(study, steps)
     study = with_runs(with_region(study, steps), steps)
-    study = with_slices(study, steps, scheduler)
-    if study.slices:
-        write_atomically(folder / PICTURE, svg(attraction_figure(study.slices)).encode())
-    else:
-        (folder / PICTURE).unlink(missing_ok=True)
-    study = with_search(study, steps, scheduler)
+    study = with_slices(study, steps, search.scheduler)
+    return with_search(study, steps, search)
+
+
+def results(study: Study) -> dict[str, bytes | None]:
+    """The files beside report and summary; ``None`` for those that an earlier run may have left and this one lacks."""
+    from certify.certificate import certificate_bytes
+    from reports.attraction import attraction_figure
+    from reports.figures import svg
+
+    certificate = None if study.gains is None else study.gains.certificate
     witness = None if study.search is None else study.search.broken
-    if witness is None:
-        (folder / WITNESS).unlink(missing_ok=True)
-    else:
-        write_atomically(folder / WITNESS, witness.text().encode())
-    return study
+    return {
+        CERTIFICATE: None if certificate is None else certificate_bytes(certificate),
+        PICTURE: svg(attraction_figure(study.slices)).encode() if study.slices else None,
+        WITNESS: None if witness is None else witness.text().encode(),
+    }
 
 
 def outcome(study: Study) -> Outcome:

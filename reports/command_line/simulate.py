@@ -4,69 +4,84 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from certify.files import make_folder, write_atomically
+from certify.files import write_together
 from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument
 from reports.command_line.derive import derived
 from reports.command_line.drawing import prepare_drawing
-from reports.command_line.outcome import Outcome, finish
+from reports.command_line.inputs import given_pair, given_plant
+from reports.command_line.outcome import Outcome, finish, naming
+from reports.command_line.outputs import require_output_folder
 from reports.command_line.steps import Steps
+from reports.command_line.verify import controller_of
 
 if TYPE_CHECKING:
     from sims.closed_loop import Trajectory
     from symbolic.derivation import Derivation
     from symbolic.plant import Plant
 
-SETTLED = 1e-2
-HORIZON = 20.0
+LAST = 0.05  # of the run, over which the error at its end is taken: a single instant may be a zero of an oscillation
 
 
 def command(
     plant: PlantArgument,
     output: FolderOption,
     certificate: Annotated[
-        Path | None, typer.Argument(metavar="[CERT]", help="Certificate whose gains are simulated.", show_default=False)
+        Path | None,
+        typer.Argument(
+            metavar="[CERT]", help="Certificate whose gains are simulated; - for stdin.", show_default=False
+        ),
     ] = None,
-    horizon: Annotated[float, typer.Option(help="Length of the run in seconds.", min=0.001, max=1e6)] = HORIZON,
+    horizon: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Length of the run; else until the outputs have settled.",
+            min=1e-9,
+            max=1e12,
+            show_default=False,
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate the closed loop in floats, which proves nothing.
 
-    From the centre of the boxes, with the gains of CERT; without CERT with those of the plant file, and moderate ones
-    where it fixes none. DIR gets trajectory.csv and four plots.
+    From the centre of the boxes, with the gains of CERT, after the word of the checker on it; without CERT with those
+    of the plant file, and moderate ones where it fixes none. DIR gets trajectory.csv and four plots.
     """
-    from certify.certificate import read_certificate
-    from symbolic.plant_file import load_plant
-
-    loaded = load_plant(plant)
-    read = None if certificate is None else read_certificate(certificate)
-    make_folder(output)
+    require_output_folder(output)
+    file, proof = (given_plant(plant), None) if certificate is None else given_pair(plant, certificate)
+    loaded = file.as_plant()
     prepare_drawing()
-    from certify.statement.controller import certified_controller
     from reports.command_line.demonstration import demonstration_controller
+    from reports.command_line.study_steps import started, with_certificate
     from sims.closed_loop import simulate
+    from sims.deadline import settled_run
 
     steps = Steps()
-    if read is None:
-        derivation = derived(loaded, plant, steps)
+    answer = None
+    if proof is None:
+        derivation = derived(loaded, file.name, steps)
         reason = obstacle(loaded, derivation)
         if reason:
             finish(Outcome("inconclusive", {"reason": reason}, f"inconclusive: {reason}"), as_json)
         controller = demonstration_controller(loaded, derivation)
     else:
-        controller = certified_controller(read, loaded, str(certificate))
-    with steps.step("simulate") as report:
-        trajectory = simulate(loaded, controller, horizon=horizon)
+        study = with_certificate(started(loaded, []), proof, steps)
+        answer, controller = study.verification, controller_of(study, proof, as_json)
+    with steps.step("simulate") as report, naming(file.name):
+        trajectory = (
+            settled_run(loaded, controller) if horizon is None else simulate(loaded, controller, horizon=horizon)
+        )
         report(sentence(trajectory))
     with steps.step("plots"):
-        write_atomically(output / "trajectory.csv", table(trajectory).encode())
-        for name, picture in plots(trajectory).items():
-            write_atomically(output / name, picture)
-    finish(outcome(trajectory), as_json)
+        write_together(output, {"trajectory.csv": table(trajectory).encode(), **plots(trajectory)})
+    finish(outcome(trajectory, answer), as_json)
 
 
 def obstacle(plant: Plant, derivation: Derivation) -> str:
@@ -85,17 +100,23 @@ def obstacle(plant: Plant, derivation: Derivation) -> str:
     return ""
 
 
-def outcome(trajectory: Trajectory) -> Outcome:
-    """``holds`` if all outputs ended near s*, ``refuted`` if a state escaped; neither is a proof."""
-    status = {"completed": "inconclusive", "escaped": "refuted", "failed": "inconclusive"}[trajectory.status]
-    error = trajectory.final_error(window=1.0)
-    reason = sentence(trajectory)
-    if error <= SETTLED:
-        status = "holds"
-    elif trajectory.status == "completed":
-        reason += f"; it is settled below {SETTLED:g}, so try a longer --horizon"
+def outcome(trajectory: Trajectory, answer: Mapping[str, str] | None) -> Outcome:
+    """``simulated``, whatever was seen, unless that contradicts a claim; ``rejected`` where the checker rejects it.
+
+    ``answer`` is the checker's on the certificate whose gains these are, ``None`` where nothing is claimed.
+    """
+    status, reason = "simulated", sentence(trajectory)
+    if trajectory.status == "failed":
+        status = "inconclusive"
+    elif answer is not None and trajectory.status == "escaped":
+        status = "refuted"
+    if answer is not None and answer["status"] == "rejected" and status != "refuted":
+        status, reason = "rejected", f"the checker rejects the certificate: {answer['reason']}; simulated: {reason}"
+    error = trajectory.final_error(LAST * trajectory.end)
     fields = {
         "reason": reason,
+        "certificate": None if answer is None else dict(answer),
+        "run": trajectory.status,
         "optimum": trajectory.optimum,
         "final_error": error if error < float("inf") else None,
         "end": trajectory.end,
@@ -107,8 +128,10 @@ def sentence(trajectory: Trajectory) -> str:
     """How the run ended, for people."""
     if trajectory.status != "completed":
         return f"{trajectory.status}: {trajectory.reason}"
-    error = trajectory.final_error(window=1.0)
-    return f"max |y_i - s*| = {error:.2e} over the last second of {trajectory.end:g} s, s* = {trajectory.optimum:.6g}"
+    error = trajectory.final_error(LAST * trajectory.end)
+    return (
+        f"max |y_i - s*| = {error:.2e} over the last twentieth of {trajectory.end:.4g} s, s* = {trajectory.optimum:.6g}"
+    )
 
 
 def table(trajectory: Trajectory) -> str:

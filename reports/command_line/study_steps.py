@@ -11,18 +11,19 @@ from pathlib import Path
 import numpy as np
 
 from certify.assumptions.check import check_assumptions
-from certify.certificate import Json
+from certify.certificate import certificate_bytes
 from certify.optimum import NoOptimumError, optimum
 from certify.pipeline import design_gains, tool_versions
 from certify.statement.controller import certified_controller
 from reports.command_line.demonstration import demonstration_controller
 from reports.command_line.derive import derived
-from reports.command_line.simulate import HORIZON, obstacle, sentence
+from reports.command_line.inputs import Given
+from reports.command_line.simulate import obstacle, sentence
 from reports.command_line.steps import Steps
-from reports.command_line.verify import verified
+from reports.command_line.verify import announced
 from reports.designs import designed_plant
 from reports.study import Study, conclusion, source_date
-from sims.closed_loop import simulate
+from sims.deadline import settled_run
 from sims.signals import Array
 from symbolic.controller import Controller
 from symbolic.derivation import derive
@@ -43,9 +44,9 @@ def with_check(study: Study, steps: Steps) -> Study:
     return replace(study, check=check)
 
 
-def with_derivation(study: Study, plant: Path, steps: Steps) -> Study:
+def with_derivation(study: Study, source: str, steps: Steps) -> Study:
     """``s*`` and the error coordinates."""
-    derivation = derived(study.plant, plant, steps)
+    derivation = derived(study.plant, source, steps)
     try:
         found = optimum(study.plant)
     except NoOptimumError:
@@ -62,12 +63,22 @@ def with_gains(study: Study, route: str, steps: Steps) -> Study:
     return replace(study, gains=gains)
 
 
-def with_certificate(study: Study, certificate: Json, plant: Path, file: Path, steps: Steps) -> Study:
-    """The certificate in ``file`` and the independent checker's answer on it."""
-    with steps.step("verify") as report:
-        answer = verified(plant, file)
-        report(answer["status"] if answer["status"] == "verified" else f"{answer['status']}: {answer['reason']}")
-    return _with_designs(replace(study, certificate=certificate, verification=answer))
+def with_certificate(study: Study, certificate: Given, steps: Steps) -> Study:
+    """The certificate that was given, and the independent checker's answer on it."""
+    return with_verification(replace(study, certificate=certificate.as_certificate()), steps, certificate)
+
+
+def with_verification(study: Study, steps: Steps, certificate: Given | None = None) -> Study:
+    """The independent checker's answer on the bytes that were given, else on those of the certificate found."""
+    found = study.found_certificate
+    if found is None:
+        return study
+    answer = announced(
+        Given("the plant file", study.plant.source),
+        certificate or Given("the certificate", certificate_bytes(dict(found))),
+        steps,
+    )
+    return _with_designs(replace(study, verification=answer))
 
 
 def _with_designs(study: Study) -> Study:
@@ -88,7 +99,7 @@ def with_simulation(study: Study, steps: Steps) -> Study:
             report(reason)
             return study
         controller = _simulable(study) or demonstration_controller(study.plant, study.derivation)
-        trajectory = simulate(study.plant, controller, horizon=HORIZON, samples=_samples(controller))
+        trajectory = settled_run(study.plant, controller, lambda horizon: _samples(controller, horizon))
         report(sentence(trajectory))
     return replace(study, trajectory=trajectory, simulated=controller)
 
@@ -100,9 +111,9 @@ def _simulable(study: Study) -> Controller | None:
     return certified_controller(study.found_certificate or {}, study.plant, "the certificate")
 
 
-def _samples(controller: Controller) -> Array:
+def _samples(controller: Controller, horizon: float) -> Array:
     """Equidistant instants, and more at the start, where the fastest observer peaks."""
     fastest = max((float(law.h) for law in controller.agents if law.h is not None), default=1.0)
-    start = np.geomspace(min(1e-2, 0.01 / fastest), HORIZON / 100, 300)
-    samples: Array = np.union1d(np.linspace(0.0, HORIZON, 1001), start)
+    start = np.geomspace(min(horizon / 2000, 0.01 / fastest), horizon / 100, 300)
+    samples: Array = np.union1d(np.linspace(0.0, horizon, 1001), start)
     return samples

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from reports.command_line.arguments import CertificateArgument, JsonOption, PlantArgument
+from reports.command_line.inputs import Given, given_pair
 from reports.command_line.outcome import Outcome, finish
+from reports.command_line.steps import Steps
 from symbolic.errors import InputError, one_line
+
+if TYPE_CHECKING:
+    from reports.study import Study
+    from symbolic.controller import Controller
 
 
 def command(plant: PlantArgument, certificate: CertificateArgument, as_json: JsonOption = False) -> None:
@@ -15,7 +21,7 @@ def command(plant: PlantArgument, certificate: CertificateArgument, as_json: Jso
 
     Prints VERIFIED and the digest of the claim, and nothing on stdout otherwise.
     """
-    answer = verified(plant, certificate)
+    answer = verified(*given_pair(plant, certificate))
     digest = answer["claim_sha256"]
     if answer["reason"]:
         print(f"certify: rejected: {one_line(answer['reason'])}", file=sys.stderr)
@@ -23,34 +29,45 @@ def command(plant: PlantArgument, certificate: CertificateArgument, as_json: Jso
     finish(Outcome(answer["status"], fields, f"VERIFIED {digest}" if answer["status"] == "verified" else ""), as_json)
 
 
-def verified(plant: Path, certificate: Path) -> dict[str, str]:
+def controller_of(study: Study, certificate: Given, as_json: bool) -> Controller:
+    """The controller whose certificate was checked. Ends the command where a rejected one holds none for this plant."""
+    from certify.statement.controller import certified_controller
+
+    answer = study.verification or {}
+    try:
+        return certified_controller(study.found_certificate or {}, study.plant, certificate.name)
+    except InputError:
+        if answer["status"] != "rejected":
+            raise
+        reason = f"the checker rejects the certificate: {answer['reason']}"
+        finish(Outcome("rejected", {"reason": reason, "certificate": answer}, f"rejected: {reason}"), as_json)
+
+
+def announced(plant: Given, certificate: Given, steps: Steps) -> dict[str, str]:
+    """:func:`verified` as a step of a larger command."""
+    with steps.step("verify") as report:
+        answer = verified(plant, certificate)
+        report(": ".join(part for part in (answer["status"], answer["reason"]) if part))
+    return answer
+
+
+def verified(plant: Given, certificate: Given) -> dict[str, str]:
     """The checker's answer: ``status`` (``verified`` or ``rejected``), ``claim_sha256`` and ``reason``.
 
     Raises ``InputError`` naming the file when one of them is not what it should be.
     """
-    from certify.checker import certificate as certificates
     from certify.checker import check
     from certify.checker import plant as plants
     from certify.checker.verdict import Malformed
 
-    claim, proof = _bytes(plant, plants.MAX_BYTES), _bytes(certificate, certificates.MAX_BYTES)
-    verdict = check(claim, proof)
+    verdict = check(plant.data, certificate.data)
     if verdict.status == "malformed":
         try:
-            plants.read_plant(claim)
+            plants.read_plant(plant.data)
         except Malformed as fault:
-            raise InputError(f"{plant}: {fault}") from fault
-        raise InputError(f"{certificate}: {verdict.detail}")
+            raise InputError(f"{plant.name}: {fault}") from fault
+        raise InputError(f"{certificate.name}: {verdict.detail}")
     if verdict.status == "verified":
         return {"status": "verified", "claim_sha256": verdict.claim_sha256, "reason": ""}
     reason = ": ".join(part for part in (verdict.obligation, verdict.detail) if part)
     return {"status": "rejected", "claim_sha256": "", "reason": reason}
-
-
-def _bytes(path: Path, most: int) -> bytes:
-    """At most one byte more than allowed, which the reader then refuses."""
-    try:
-        with path.open("rb") as file:
-            return file.read(most + 1)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error

@@ -16,7 +16,9 @@ DIRECT_EVERY = 7  # plants of every kind go through the route "direct" too: 7 ha
 def share(task: tuple[int, int, int, int, float]) -> Tally:
     """Every ``workers``-th trial, until the deadline."""
     count, seed, worker, workers, deadline = task
-    pipeline.MOST_WORKERS = 1  # no processes of its own, so that the time limit of a trial ends all that it started
+    pipeline.processors = lambda: (
+        1
+    )  # no processes of its own, so that the time limit of a trial ends all that it started
     tally, start = Tally(), time.monotonic()
     for number in range(worker, count, workers):
         if time.monotonic() > deadline:
