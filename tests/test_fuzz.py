@@ -14,6 +14,7 @@ from fuzz.agreement import difference
 from fuzz.inputs import Input, make
 from fuzz.readers import Tally, feed
 from fuzz.share import plants
+from fuzz.valid_plants import valid_plant
 
 from certify.checker.plant import read_plant
 from symbolic.plant_file import parse_plant
@@ -29,6 +30,17 @@ def test_no_reader_fails_on_any_input(count: int) -> None:
         feed(make(random.Random(f"slice/{number}"), seeds, CERTIFICATES), tally)
     assert [reason for reason, _ in (*tally.faults, *tally.disagreements)] == []
     assert {outcome for _, _, outcome in tally.outcomes} == {"accepted", "refused"}
+
+
+@pytest.mark.parametrize("count", [400, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_both_plant_readers_mean_the_same(count: int) -> None:
+    """Whole files whose names are keys, functions, the tool's own symbols: equal field by field, or both refuse."""
+    tally = Tally()
+    for number in range(count):
+        feed(Input("plant", "meaning", valid_plant(random.Random(f"slice/{number}"))), tally)
+    assert [reason for reason, _ in (*tally.faults, *tally.disagreements)] == []
+    assert tally.beyond_the_tool == 0
+    assert tally.outcomes["plant reader", "meaning", "accepted"] > 3 * count // 4
 
 
 def test_both_plant_readers_accept_every_plant_and_agree_on_it() -> None:

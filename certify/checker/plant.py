@@ -210,9 +210,8 @@ def _agent(
     taken = {*shared, *v}
     zero = any_keys(table.get("zero_dynamics", {}))
     z = [declared(name, taken) for name in zero]
-    constants = _constants(
-        {**shared, "id": Number(Fraction(number))}, table.get("constants", {}), taken, MAX_AGENT_CONSTANTS
-    )
+    start = {**shared, "id": Number(Fraction(number))}  # what [initial] sees: no agent's own constants
+    constants = _constants(start, table.get("constants", {}), taken, MAX_AGENT_CONSTANTS)
     parameters = {name: box(value, constants) for name, value in any_keys(table.get("uncertain", {})).items()}
     w = [declared(name, taken) for name in parameters]
     if len(z) > MAX_ORDER or len(w) > MAX_NAMES:
@@ -235,7 +234,6 @@ def _agent(
         if not 1 <= len(N) <= MAX_NAMES:
             raise Malformed(f"an internal model has 1 to {MAX_NAMES} states")
         model = ([vector(row, constants, len(N)) for row in array(choice["M"], len(N))], N)
-    start = {**shared, "id": Number(Fraction(number))}  # an agent's own constants are not known in [initial]
     measured = initial.get("observer") == "measured"
     return Agent(
         id=number,

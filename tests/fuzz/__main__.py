@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz [--count N] [--seed S] [--workers W]``: exit 0 if no reader failed on any input, else 1."""
+"""``python -m tests.fuzz [--count N] [--seed S] [--workers W] [--meanings]``: exit 0 if no reader failed, else 1."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ def main(arguments: list[str]) -> int:
         "--minutes", type=float, default=0, help="stop after this long (0: never) and say how many were read"
     )
     parser.add_argument("-o", "--output", type=Path, help="folder for inputs that caused a fault or a disagreement")
+    parser.add_argument("--meanings", action="store_true", help="whole plant files only, whose readings are compared")
     options = parser.parse_args(arguments)
     certificates = [encode(base.certificate) for base in map(make_base, small_plants()) if base is not None]
     start = time.monotonic()
     deadline = start + 60 * options.minutes if options.minutes else float("inf")
     tasks = [
-        (certificates, options.count, options.seed, worker, options.workers, deadline)
+        (certificates, options.count, options.seed, worker, options.workers, deadline, options.meanings)
         for worker in range(options.workers)
     ]
     total = Tally()

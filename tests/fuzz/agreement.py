@@ -1,27 +1,49 @@
-"""Do the two plant readers read the same plant? They share no code, so what they agree on is what the file says."""
+"""Do the two plant readers read the same plant? They share no code, so what they agree on is what the file says.
+
+Both readings are turned into the same plain data (tables, lists, rationals, and expressions by their values at a point,
+in balls) and compared entry by entry. Suggestions that bind nobody (``steady_state``, ``zero_dynamics_lyapunov``) are
+read by the checker and not kept, so they are not compared.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields, is_dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from typing import Any
 
 import sympy
+from flint import arb, ctx
 
-from certify.checker.expressions import evaluate
+from certify.bounds.balls import NonFiniteError, compile_expression
+from certify.bounds.conversions import rational_ball
+from certify.checker.expressions import Node, evaluate
 from certify.checker.plant import Plant as CheckerPlant
 from symbolic.network import laplacian
-from symbolic.plant import Interval, Plant
+from symbolic.plant import COST_VARIABLE, Interval, Plant
 
 Outcome = tuple[str, Any]
 HARMLESS = {
     "division by zero": "a denominator that vanishes identically: the checker encloses nothing that is divided by it",
     "sqrt of a number with more than": "a real number that is too large for the tool's algebra",
     "log inside exp": "a function that the tool's algebra does not keep apart from a power",
+    "becomes Abs": "the root of a square, which the tool's algebra makes an absolute value",
     "is too large: its": "an expression that the tool would not expand",
     "is nested too deeply": "a constant that takes the tool's algebra too long",
+    "write it like that": "a constant that is rational by more than arithmetic of fractions",
 }
+PRECISION = 128
 POINT = [Fraction(k, 7 + k) for k in range(1, 200)]
+
+
+@dataclass(frozen=True)
+class Value:
+    """An expression by its value at the point; one that is not finite there says nothing."""
+
+    ball: arb
+
+    def agrees(self, other: Value) -> bool:
+        return bool(self.ball.overlaps(other.ball)) or not (self.ball.is_finite() and other.ball.is_finite())
 
 
 def difference(mine: Outcome, theirs: Outcome) -> str | None:
@@ -29,8 +51,11 @@ def difference(mine: Outcome, theirs: Outcome) -> str | None:
     if mine[0] != theirs[0]:
         reader = "the checker's reader" if mine[0] == "accepted" else "the tool's reader"
         return f"only {reader} accepts{_why(mine)}{_why(theirs)}"
-    reason = _compare(mine[1], theirs[1]) if mine[0] == "accepted" else None
-    return None if reason is None else f"read differently: {reason}"
+    if mine[0] != "accepted":
+        return None
+    with ctx.workprec(PRECISION):
+        place = _unequal(_checkers(mine[1]), _tools(theirs[1]), "plant")
+    return None if place is None else f"read differently: {place}"
 
 
 def harmless(reason: str) -> bool:
@@ -42,99 +67,118 @@ def _why(outcome: Outcome) -> str:
     return f" ({outcome[1]})" if outcome[0] == "refused" else ""
 
 
-def _compare(mine: CheckerPlant, theirs: Plant) -> str | None:
-    if mine.sha256 != theirs.sha256:
-        return "digest"
-    if [list(row) for row in mine.laplacian] != [list(row) for row in laplacian(theirs.digraph)]:
-        return "network"
-    names = [symbol.name for symbol in theirs.exosystem.states]
-    if list(mine.exosystem) != names or [tuple(box) for box in mine.exosystem.values()] != _boxes(
-        theirs.exosystem.initial
-    ):
-        return "exosystem"
-    if asdict(mine.coordinator) != asdict(theirs.coordinator):
-        return "coordinator"
-    for number in range(1, len(theirs.agents) + 1):
-        for what in ("gains_of", "requirements_of", "implementation_of"):
-            if _plain(getattr(mine, what)(number)) != _plain(getattr(theirs, what)(number)):
-                return f"agent {number}: {what}"
-    for left, right in zip(mine.agents, theirs.agents, strict=True):
-        reason = _agents(left, right, names)
-        if reason:
-            return f"agent {right.id}: {reason}"
-    return None
-
-
-def _agents(left: Any, right: Any, exosystem: list[str]) -> str | None:
-    initial = right.initial
-    if (left.id, left.order, list(left.zero_states)) != (
-        right.id,
-        right.order,
-        [symbol.name for symbol in right.zero_states],
-    ):
-        return "states"
-    if list(left.parameters) != [symbol.name for symbol in right.parameters]:
-        return "parameters"
-    if [tuple(box) for box in left.parameters.values()] != _boxes(right.parameter_box):
-        return "parameter box"
-    observer = None if initial.observer is None else _boxes(initial.observer)
-    mine = None if left.observer_box is None else [tuple(box) for box in left.observer_box]
-    if (
-        [tuple(box) for box in left.z_box],
-        [tuple(box) for box in left.x_box],
-        mine,
-        tuple(left.eta_box),
-        tuple(left.reference_box),
-    ) != (_boxes(initial.z), _boxes(initial.x), observer, *_boxes([initial.eta, initial.reference])):
-        return "initial box"
-    if (left.gamma, left.observer) != (right.gamma, right.observer):
-        return "design polynomials"
-    names = [*left.zero_states, *left.chain, *exosystem, *left.parameters, "s"]
-    point = dict(zip(names, POINT, strict=False))
-    for key, mine, theirs in [
-        ("f", left.f, right.f),
-        ("b", left.b, right.b),
-        ("cost", left.cost, right.cost),
-        *(("zero dynamics", *pair) for pair in zip(left.zero_dynamics, right.zero_dynamics, strict=True)),
-    ]:
-        if not _same(mine, theirs, point):
-            return key
-    return None
+def _unequal(mine: Any, theirs: Any, place: str) -> str | None:
+    """The first place at which two trees differ."""
+    if isinstance(mine, Value) and isinstance(theirs, Value):
+        return None if mine.agrees(theirs) else f"{place}: {mine.ball} is not {theirs.ball}"
+    if isinstance(mine, Mapping) and isinstance(theirs, Mapping) and list(mine) == list(theirs):
+        found = (_unequal(mine[key], theirs[key], f"{place}.{key}") for key in mine)
+        return next((where for where in found if where), None)
+    if isinstance(mine, list) and isinstance(theirs, list) and len(mine) == len(theirs):
+        pairs = enumerate(zip(mine, theirs, strict=True), 1)
+        found = (_unequal(left, right, f"{place}[{k}]") for k, (left, right) in pairs)
+        return next((where for where in found if where), None)
+    return None if type(mine) is type(theirs) and mine == theirs else f"{place}: {mine!r:.80} is not {theirs!r:.80}"
 
 
 def _plain(value: Any) -> Any:
-    """A dataclass of either reader as a dictionary of plain values."""
-    if value is None:
-        return None
+    """Dataclasses as tables, intervals as pairs, tuples as lists, numbers as rationals."""
+    if isinstance(value, Interval):
+        return [value.lo, value.hi]
+    if is_dataclass(value):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_plain(entry) for entry in value]
+    return Fraction(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _asked(plant: Plant | CheckerPlant, count: int) -> dict[str, Any]:
+    numbers = range(1, count + 1)
     return {
-        field.name: (entry.lo, entry.hi)
-        if isinstance(entry := getattr(value, field.name), Interval)
-        else _plain(entry)
-        if is_dataclass(entry)
-        else entry
-        for field in fields(value)
+        "sha256": plant.sha256,
+        "coordinator": _plain(plant.coordinator),
+        "gains": [_plain(plant.gains_of(number)) for number in numbers],
+        "requirements": [_plain(plant.requirements_of(number)) for number in numbers],
+        "implementation": [_plain(plant.implementation_of(number)) for number in numbers],
     }
 
 
-def _boxes(intervals: Any) -> list[tuple[Fraction, Fraction]]:
-    return [(interval.lo, interval.hi) for interval in intervals if isinstance(interval, Interval)]
+def _checkers(plant: CheckerPlant) -> dict[str, Any]:
+    """What the checker's reader read."""
+    agents = []
+    for agent in plant.agents:
+        names = [*agent.zero_states, *agent.chain, *plant.exosystem, *agent.parameters, "s"]
+        point = dict(zip(names, map(rational_ball, POINT), strict=False))
+        initial = {
+            "z": agent.z_box,
+            "x": agent.x_box,
+            "observer": agent.observer_box,
+            "eta": agent.eta_box,
+            "reference": agent.reference_box,
+        }
+        agents.append(
+            {
+                "id": agent.id,
+                "names": names,
+                "zero_dynamics": [_node_value(node, point) for node in agent.zero_dynamics],
+                "f": _node_value(agent.f, point),
+                "b": _node_value(agent.b, point),
+                "cost": _node_value(agent.cost, point),
+                "uncertain": _plain(agent.parameters),
+                "initial": _plain(initial),
+                "gamma": _plain(agent.gamma),
+                "observer": _plain(agent.observer),
+                "internal_model": _plain(agent.internal_model),
+            }
+        )
+    S = _plain(plant.S) if plant.exosystem else []
+    network = {"laplacian": _plain(plant.laplacian), "exosystem": _plain(plant.exosystem), "S": S}
+    return {**_asked(plant, len(agents)), **network, "agents": agents}
 
 
-class _Transcendental(Exception):
-    pass
+def _tools(plant: Plant) -> dict[str, Any]:
+    """What the tool's reader read."""
+    agents = []
+    for agent in plant.agents:
+        symbols = [*agent.zero_states, *agent.chain, *plant.exosystem.states, *agent.parameters, COST_VARIABLE]
+        point = dict(zip(symbols, map(rational_ball, POINT), strict=False))
+        model = agent.internal_model
+        agents.append(
+            {
+                "id": agent.id,
+                "names": [symbol.name for symbol in symbols],
+                "zero_dynamics": [_expr_value(expr, point) for expr in agent.zero_dynamics],
+                "f": _expr_value(agent.f, point),
+                "b": _expr_value(agent.b, point),
+                "cost": _expr_value(agent.cost, point),
+                "uncertain": _plain(dict(zip(agent.parameters, agent.parameter_box, strict=True))),
+                "initial": _plain(
+                    {key: getattr(agent.initial, key) for key in ("z", "x", "observer", "eta", "reference")}
+                ),
+                "gamma": _plain(agent.gamma),
+                "observer": _plain(agent.observer),
+                "internal_model": None if model is None else _plain((model.M, model.N)),
+            }
+        )
+    exosystem = plant.exosystem
+    rational = all(entry.is_Rational for entry in exosystem.S)
+    S = [[Fraction(int(entry.p), int(entry.q)) for entry in row] for row in exosystem.S.tolist()] if rational else None
+    network = {
+        "laplacian": _plain(laplacian(plant.digraph)),
+        "exosystem": _plain(dict(zip(exosystem.states, exosystem.initial, strict=True))),
+        "S": S if exosystem.states else [],
+    }
+    return {**_asked(plant, len(agents)), **network, "agents": agents}
 
 
-def _same(mine: Any, theirs: sympy.Expr, point: dict[str, Fraction]) -> bool:
-    """Equal at a point with rational coordinates; not compared when a function is involved or a denominator
-    vanishes."""
+def _node_value(node: Node, point: Mapping[str, arb]) -> Value:
+    return Value(evaluate(node, point, rational_ball, lambda function, argument: getattr(argument, function)()))
 
-    def refuse(function: str, argument: Fraction) -> Fraction:
-        raise _Transcendental
 
+def _expr_value(expr: sympy.Expr, point: Mapping[sympy.Symbol, arb]) -> Value:
     try:
-        value = evaluate(mine, point, lambda q: q, refuse)
-    except (_Transcendental, ZeroDivisionError):
-        return True
-    values = {name: sympy.Rational(q.numerator, q.denominator) for name, q in point.items()}
-    other = theirs.xreplace({symbol: values[symbol.name] for symbol in theirs.free_symbols})
-    return not other.is_Rational or Fraction(int(other.p), int(other.q)) == value
+        return Value(compile_expression(expr, tuple(point))(list(point.values())))
+    except NonFiniteError:
+        return Value(arb("nan"))

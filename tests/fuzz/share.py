@@ -10,6 +10,7 @@ from pathlib import Path
 
 from .inputs import Input, make
 from .readers import Tally, Touched, _limits, feed, watch
+from .valid_plants import valid_plant
 
 ROOT = Path(__file__).parents[2]
 CORPUS = (ROOT / "examples", ROOT / "tests" / "tamper" / "plants")
@@ -37,16 +38,17 @@ def watched(certificates: list[bytes]) -> bool:
     return False
 
 
-def share(task: tuple[list[bytes], int, int, int, int, float]) -> Tally:
-    """Every ``workers``-th input, until the deadline."""
-    certificates, count, seed, worker, workers, deadline = task
+def share(task: tuple[list[bytes], int, int, int, int, float, bool]) -> Tally:
+    """Every ``workers``-th input, until the deadline; only whole plant files if ``meanings``."""
+    certificates, count, seed, worker, workers, deadline, meanings = task
     tally, seeds, start = Tally(), plants(), time.monotonic()
     if not watched(certificates):
         raise RuntimeError("the audit hook does not see code that is run")
     for number in range(worker, count, workers):
         if time.monotonic() > deadline:
             break
-        feed(make(random.Random(f"{seed}/{number}"), seeds, certificates), tally)
+        rng = random.Random(f"{seed}/{number}")
+        feed(Input("plant", "meaning", valid_plant(rng)) if meanings else make(rng, seeds, certificates), tally)
         if tally.inputs % 5000 == 0:
             print(
                 f"worker {worker}: {tally.inputs} after {time.monotonic() - start:.0f} s, {len(tally.faults)} faults, "
