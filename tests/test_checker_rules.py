@@ -214,7 +214,7 @@ def test_a_certificate_for_another_plant_is_rejected(old: str, new: str, obligat
 )
 def test_what_the_plant_file_fixes_must_be_claimed(table: str, key: str) -> None:
     plant, certificate = load("mixed")
-    rejected(judge(plant + table, certificate), f"agent 1: {key} is fixed by the plant file")
+    rejected(judge(plant + table, certificate), f"{key} is fixed by the plant file")
 
 
 @pytest.mark.parametrize(

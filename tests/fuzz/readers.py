@@ -17,7 +17,7 @@ from typing import Any
 from certify.checker import check
 from certify.checker.certificate import read_certificate
 from certify.checker.plant import Plant, read_plant
-from certify.checker.theorems import witness_kinds
+from certify.checker.theorems import kinds
 from certify.checker.verdict import Malformed
 from symbolic.errors import InputError
 from symbolic.plant_file import parse_plant
@@ -155,7 +155,7 @@ def feed(given: Input, tally: Tally) -> None:
     """The input to the reader it is meant for; a plant file to both plant readers, which must agree."""
     tally.inputs += 1
     if given.kind == "certificate":
-        read("certificate reader", lambda data: read_certificate(data, witness_kinds()), Malformed, given, tally)
+        read("certificate reader", lambda data: read_certificate(data, kinds()), Malformed, given, tally)
     else:
         mine = read("checker's plant reader", checker_reads, Malformed, given, tally)
         theirs = read("plant reader", lambda data: parse_plant(data, "fuzz.toml"), InputError, given, tally)

@@ -422,7 +422,7 @@ def prove_direct(plant_file: bytes, certificate: Json) -> None:
         parts.append((controller, witness))
     invariant = prepared.disturbance.Q or ()
     again = network_certificate(
-        certificate["theorem"], plant, prepared.optimum.enclosure, invariant, prepared.coordinator, parts, {}
+        certificate["theorem"], plant, prepared.optimum.enclosure, invariant, prepared.coordinator, parts, {}, True
     )
     need(again["claim"] == claim, "the producer proves another claim")
     verdict = check(plant_file, encode(again))
