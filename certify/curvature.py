@@ -13,9 +13,10 @@ from flint import arb
 
 from certify.bounds.balls import lower, upper
 from certify.bounds.intervals import simplest_between
-from certify.bounds.smoothness import Guard, evidently_positive, guards
+from certify.bounds.smoothness import evidently_positive
 from certify.bounds.whole_line import LineBounds, line_bounds
 from symbolic.constants import as_fraction, as_rational, enclose
+from symbolic.guards import Guard, guards
 from symbolic.identity import MAX_OPERATIONS, normal_form, value_at
 from symbolic.plant import COST_VARIABLE
 from symbolic.ranges import nonvanishing
@@ -56,7 +57,7 @@ def cost_curvature(cost: sympy.Expr) -> Curvature | CurvatureFailure:
     if cost.is_polynomial(COST_VARIABLE):
         return _polynomial_curvature(sympy.Poly(cost, COST_VARIABLE, extension=True))
     for guard in guards(cost):
-        failure = _domain_failure(guard)
+        failure = domain_failure(guard)
         if failure is not None:
             return failure
     second = sympy.diff(cost, COST_VARIABLE, 2)
@@ -108,7 +109,8 @@ def _ends(ball: arb) -> tuple[Fraction, Fraction]:
     return _short_below(low), _short_above(high)
 
 
-def _domain_failure(guard: Guard) -> CurvatureFailure | None:
+@lru_cache(maxsize=1024)
+def domain_failure(guard: Guard) -> CurvatureFailure | None:
     """Why a part of the cost is not smooth on all of R; None when it is."""
     condition = guard.expression
     if evidently_positive(condition):
@@ -137,7 +139,7 @@ def _domain_failure(guard: Guard) -> CurvatureFailure | None:
 
 
 def _undefined(guard: Guard, where: str, at: Sequence[Mapping[str, str]]) -> CurvatureFailure:
-    needs = f"{guard.owner} needs {guard.expression} to be {guard.need}, but {where}"
+    needs = f"{guard.demand}, but {where}"
     reason = f"the cost is not twice continuously differentiable on all of R: {needs}"
     return CurvatureFailure("fails", reason, {"at": [dict(point) for point in at]})
 

@@ -9,6 +9,8 @@ from fractions import Fraction
 import sympy
 
 from symbolic.errors import Where, quoted
+from symbolic.expressions import Written
+from symbolic.guards import AgentGuards
 from symbolic.initial_file import InitialTable
 from symbolic.names import Scope
 from symbolic.plant import COST_VARIABLE, Agent, InternalModelChoice, symbol
@@ -115,14 +117,15 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Ag
     for name in uncertain.entries:
         scope = scope.with_state(name, uncertain.at(name), "a parameter")
     reader = _AgentReader(table, order, scope)
+    zero_dynamics, f, b, cost = reader.zero_dynamics(zero), reader.right_hand_side(), reader.input_gain(), reader.cost()
     return Agent(
         id=number,
         order=order,
         zero_states=tuple(symbol(name) for name in scope.zero_states),
-        zero_dynamics=reader.zero_dynamics(zero),
-        f=reader.right_hand_side(),
-        b=reader.input_gain(),
-        cost=reader.cost(),
+        zero_dynamics=tuple(f0.expr for f0 in zero_dynamics),
+        f=f.expr,
+        b=b.expr,
+        cost=cost.expr,
         parameters=tuple(symbol(name) for name in scope.parameters),
         parameter_box=box,
         initial=initial.box_of(order, scope.zero_states, outer),
@@ -131,6 +134,7 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Ag
         internal_model=reader.internal_model(),
         gamma=reader.numbers("gamma", order - 1),
         observer=reader.numbers("observer", order),
+        guards=AgentGuards(tuple(f0.guards for f0 in zero_dynamics), f.guards, b.guards, cost.guards),
     )
 
 
@@ -142,16 +146,16 @@ class _AgentReader:
         self.scope = scope
         self.chain = tuple(f"x{k}" for k in range(1, order + 1))
 
-    def read(self, key: str, *names: str, because: str) -> sympy.Expr:
+    def read(self, key: str, *names: str, because: str) -> Written:
         return self.read_value(self.table.need(key), self.table.at(key), *names, because=because)
 
-    def read_value(self, value: Value, where: Where, *names: str, because: str) -> sympy.Expr:
+    def read_value(self, value: Value, where: Where, *names: str, because: str) -> Written:
         scope = self.scope
         elsewhere = {*self.chain, *scope.exosystem, *scope.zero_states, *scope.parameters, str(COST_VARIABLE)}
         refused = {name: f"{quoted(name)} may not appear here: {because}" for name in elsewhere - set(names)}
         return expression(value, where, scope.values(*names), refused)
 
-    def zero_dynamics(self, table: Table) -> tuple[sympy.Expr, ...]:
+    def zero_dynamics(self, table: Table) -> tuple[Written, ...]:
         scope = self.scope
         return tuple(
             self.read_value(
@@ -166,7 +170,7 @@ class _AgentReader:
             for name, value in table.entries.items()
         )
 
-    def right_hand_side(self) -> sympy.Expr:
+    def right_hand_side(self) -> Written:
         scope = self.scope
         return self.read(
             "f",
@@ -177,10 +181,10 @@ class _AgentReader:
             because="f depends on z, x, v and the parameters only",
         )
 
-    def input_gain(self) -> sympy.Expr:
+    def input_gain(self) -> Written:
         return self.read("b", *self.scope.parameters, because="b depends on the parameters only")
 
-    def cost(self) -> sympy.Expr:
+    def cost(self) -> Written:
         return self.read("cost", str(COST_VARIABLE), because="a cost depends on s and constants only")
 
     def steady_state(self) -> tuple[sympy.Expr, ...] | None:
@@ -196,7 +200,7 @@ class _AgentReader:
                 *scope.exosystem,
                 *scope.parameters,
                 because="a steady state z* depends on s, v and the parameters only",
-            )
+            ).expr
             for name in scope.zero_states
         )
 
@@ -206,7 +210,7 @@ class _AgentReader:
             return None
         if not self.scope.zero_states:
             raise self.table.at(key).error("there are no zero dynamics")
-        return self.read(key, *self.scope.zero_states, because="this V0 depends on z only")
+        return self.read(key, *self.scope.zero_states, because="this V0 depends on z only").expr
 
     def internal_model(self) -> InternalModelChoice | None:
         if "internal_model" not in self.table:

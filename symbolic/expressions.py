@@ -18,6 +18,7 @@ from flint import arb
 from symbolic.constants import FUNCTION_BALLS, LARGEST, as_fraction, as_rational, enclose
 from symbolic.errors import Where, nearest, quoted, shown
 from symbolic.grammar import CONSTANTS, Call, ExpressionError, Name, Negative, Node, Number, Power, Product, Sum, parse
+from symbolic.guards import Guard, of_denominator, of_function, of_power
 from symbolic.plant import symbol
 from symbolic.rational_value import folded
 from symbolic.size import MAX_EXPONENT, MAX_ROOT, MAX_ROOT_BITS, Size, size_of_power, size_of_product, size_of_sum
@@ -32,6 +33,14 @@ _ATOMS = (sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))
 _HEADS = (sympy.Add, sympy.Mul, sympy.Pow, *FUNCTION_BALLS)
 
 
+@dataclass(frozen=True)
+class Written:
+    """An expression, and under which conditions every part of its text is smooth, also one that SymPy cancelled."""
+
+    expr: sympy.Expr
+    guards: tuple[Guard, ...] = ()
+
+
 def parse_expression(text: str, names: Names, *, where: Where, refused: Mapping[str, str] | None = None) -> sympy.Expr:
     """The expression in the declared names; a set of names stands for the symbols of those names.
 
@@ -39,6 +48,11 @@ def parse_expression(text: str, names: Names, *, where: Where, refused: Mapping[
     powers with rational exponents, the functions of the language, rationals, π, e and the given values.
     Raises ``InputError`` with the column (counted from 1).
     """
+    return parse_written(text, names, where=where, refused=refused).expr
+
+
+def parse_written(text: str, names: Names, *, where: Where, refused: Mapping[str, str] | None = None) -> Written:
+    """``parse_expression`` with the guards of all parts of the text, innermost first."""
     values = names if isinstance(names, Mapping) else {name: symbol(name) for name in names}
     try:
         bindings = []
@@ -99,8 +113,10 @@ def _names_of(text: str) -> tuple[Name, ...]:
 
 
 @lru_cache(maxsize=4096)
-def _evaluated(text: str, bindings: tuple[tuple[str, sympy.Expr], ...]) -> sympy.Expr:
-    return _Builder(dict(bindings)).build(parse(text)).expr
+def _evaluated(text: str, bindings: tuple[tuple[str, sympy.Expr], ...]) -> Written:
+    builder = _Builder(dict(bindings))
+    expr = builder.build(parse(text)).expr
+    return Written(expr, tuple(builder.guards))
 
 
 def _walk(node: Node) -> Iterator[Name]:
@@ -149,11 +165,12 @@ def _bits(number: sympy.Rational) -> int:
 
 
 class _Builder:
-    """Builds trees in names that stand for symbols and constants."""
+    """Builds trees in names that stand for symbols and constants; ``guards`` are those of the parts built so far."""
 
     def __init__(self, names: Mapping[str, sympy.Expr]) -> None:
         self.names = {name: _measured(expr) for name, expr in names.items()}
         self.fractions = _fractions(names)
+        self.guards: dict[Guard, None] = {}
 
     def build(self, node: Node) -> _Value:
         match node:
@@ -170,15 +187,28 @@ class _Builder:
                 return _checked(sympy.Add(*(part.expr for part in parts)), size, node)
             case Product(factors):
                 parts = [
-                    _power(self.build(factor), Fraction(-1), factor) if divides else self.build(factor)
+                    self.power(self.build(factor), Fraction(-1), factor) if divides else self.build(factor)
                     for factor, divides in factors
                 ]
                 size = _affordable(size_of_product(part.size for part in parts), node)
                 return _checked(sympy.Mul(*(part.expr for part in parts)), size, node)
             case Power(base, exponent):
-                return _power(self.build(base), self.exponent(exponent), node)
+                return self.power(self.build(base), self.exponent(exponent), node)
             case Call(function, argument):
-                return _call(function, self.build(argument), node)
+                inner = self.build(argument)
+                self.guard(of_function(function, inner.expr))
+                return _call(function, inner, node)
+
+    def guard(self, guard: Guard | None) -> None:
+        if guard is not None and guard.expression.free_symbols:
+            self.guards.setdefault(guard)
+
+    def power(self, base: _Value, exponent: Fraction, node: Node) -> _Value:
+        if exponent.denominator > 1:
+            self.guard(of_power(base.expr, exponent))
+        elif exponent < 0:
+            self.guard(of_denominator(base.expr))
+        return _power(base, exponent, node)
 
     def exponent(self, node: Node) -> Fraction:
         self.build(node)  # refuses what is no number before it is folded

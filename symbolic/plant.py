@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import sympy
 
+from symbolic.guards import NO_GUARDS, AgentGuards
 from symbolic.interval import Interval
 from symbolic.requested import NOTHING_FIXED, CoordinatorChoice, Implementation, RequestedGains, Requirements, Settling
 
@@ -101,6 +102,7 @@ class Agent:
     internal_model: InternalModelChoice | None = None
     gamma: tuple[Fraction, ...] | None = None
     observer: tuple[Fraction, ...] | None = None
+    guards: AgentGuards = NO_GUARDS
 
     @property
     def chain(self) -> tuple[sympy.Symbol, ...]:

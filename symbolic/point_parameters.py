@@ -28,4 +28,5 @@ def without_point_parameters(agent: Agent) -> Agent:
         parameter_box=tuple(interval for _, interval in kept),
         steady_state=None if given is None else tuple(expr.xreplace(values) for expr in given),
         lyapunov=None if agent.lyapunov is None else agent.lyapunov.xreplace(values),
+        guards=agent.guards.at(values),
     )

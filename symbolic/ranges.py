@@ -122,7 +122,7 @@ def _factor_nonvanishing(factor: sympy.Expr, box: Box) -> Nonvanishing:
 def _zero(factor: sympy.Expr, symbols: list[sympy.Symbol], box: Box) -> Nonvanishing | None:
     """A point of the box where the factor is exactly zero, or two where its signs differ."""
     signs: dict[int, dict[sympy.Symbol, sympy.Rational]] = {}
-    for point in [*_grid(symbols, box), *sample_points(symbols, box)]:
+    for point in [*grid(symbols, box), *sample_points(symbols, box)]:
         if factor.xreplace(point).is_zero:
             return Nonvanishing("fails", f"{factor} vanishes", (printed(point),))
         ball = value_at(factor, point)
@@ -133,7 +133,8 @@ def _zero(factor: sympy.Expr, symbols: list[sympy.Symbol], box: Box) -> Nonvanis
     return None
 
 
-def _grid(symbols: list[sympy.Symbol], box: Box) -> list[dict[sympy.Symbol, sympy.Rational]]:
+def grid(symbols: list[sympy.Symbol], box: Box) -> list[dict[sympy.Symbol, sympy.Rational]]:
+    """Ends, middle and zero of every interval, in all combinations as far as they are few."""
     axes = [
         _LINE_SAMPLES
         if (interval := box[name]) is None

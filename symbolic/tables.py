@@ -12,7 +12,7 @@ import sympy
 
 from symbolic.constants import as_rational
 from symbolic.errors import Where, nearest, quoted, shown
-from symbolic.expressions import parse_constant, parse_expression, parse_number
+from symbolic.expressions import Written, parse_constant, parse_number, parse_written
 from symbolic.grammar import decimal
 from symbolic.plant import Interval
 
@@ -160,12 +160,12 @@ def constant(value: Value, where: Where, constants: Mapping[str, sympy.Expr]) ->
 
 def expression(
     value: Value, where: Where, names: Mapping[str, sympy.Expr], refused: Mapping[str, str] | None = None
-) -> sympy.Expr:
-    """An expression in the names; a TOML number is one too."""
+) -> Written:
+    """An expression in the names, and the guards of its parts; a TOML number is one too."""
     exact = literal(value, where)
     if exact is None:
-        return parse_expression(str(value), names, where=where, refused=refused)
-    return as_rational(exact)
+        return parse_written(str(value), names, where=where, refused=refused)
+    return Written(as_rational(exact))
 
 
 def is_interval(value: Value) -> bool:

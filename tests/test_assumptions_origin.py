@@ -105,9 +105,9 @@ def test_rest_at_the_only_parameter_value_holds() -> None:
 
 
 def test_warnings_do_not_fail() -> None:
-    finding = check_origin(agent(f=log(1 + X1), box={P: (1, 2)}), NOTHING)
+    finding = check_origin(agent(f=X1 * log(2 + X1), box={P: (1, 2)}), NOTHING)
     assert finding.verdict == "holds"
     origin, smooth = finding.evidence["warnings"]
     assert "does not contain the origin" in origin
-    assert "the logarithm of x1 + 1 needs x1 + 1 to be positive" in smooth
+    assert "the logarithm of x1 + 2 needs x1 + 2 to be positive" in smooth
     assert "warnings" not in check_origin(agent(f=X1, box={P: (-1, 2)}), NOTHING).evidence

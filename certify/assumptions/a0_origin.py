@@ -1,4 +1,7 @@
-"""A0: ``f0(0,0,0,w) = 0``, ``f1(0,0,0,w) = 0`` and ``b(w) ≥ b_min > 0`` on the parameter box (theory.md section 2)."""
+"""A0: ``f0(0,0,0,w) = 0``, ``f1(0,0,0,w) = 0`` and ``b(w) ≥ b_min > 0`` on the parameter box (theory.md section 2).
+
+All three must be smooth on the initial box × ``W``, and so must every part of their text, one that cancels included.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,10 @@ import sympy
 from certify.assumptions.findings import Finding, Json
 from certify.bounds.balls import NonFiniteError
 from certify.bounds.intervals import simplest_between
-from certify.bounds.smoothness import unproved_guard
+from certify.bounds.smoothness import first_break, unproved_guard
 from certify.bounds.suprema import lower_bound
 from symbolic.constants import as_rational
+from symbolic.guards import guards
 from symbolic.identity import value_at, zero_test
 from symbolic.plant import Agent, Exosystem, Interval
 from symbolic.point_parameters import without_point_parameters
@@ -26,7 +30,7 @@ Point = dict[sympy.Symbol, sympy.Rational]
 def check_origin(agent: Agent, exosystem: Exosystem) -> Finding:
     """Decide A0 for one agent. Evidence: ``b_min``, or the parameter point where a condition breaks."""
     free = without_point_parameters(agent)
-    return _not_at_rest(free, exosystem) or _input_gain(agent.id, free)
+    return _not_at_rest(free, exosystem) or _not_smooth(agent, exosystem) or _input_gain(agent.id, free)
 
 
 def origin_warning(agent: Agent) -> str | None:
@@ -39,12 +43,13 @@ def origin_warning(agent: Agent) -> str | None:
 def smoothness_warning(agent: Agent) -> str | None:
     """The paper asks for smooth right-hand sides on the whole space; a certificate needs them on its own sets only."""
     box: dict[sympy.Symbol, Interval | None] = dict(zip(agent.parameters, agent.parameter_box, strict=True))
-    for side in (*agent.zero_dynamics, agent.f):
-        everywhere = dict.fromkeys(side.free_symbols) | {name: box[name] for name in side.free_symbols & set(box)}
-        guard = unproved_guard(side, everywhere)
+    texts = (*map(agent.guards.of_zero_dynamics, range(len(agent.zero_dynamics))), agent.guards.f)
+    for side, written in zip((*agent.zero_dynamics, agent.f), texts, strict=True):
+        names = side.free_symbols.union(*(guard.expression.free_symbols for guard in written))
+        everywhere = dict.fromkeys(names) | {name: box[name] for name in names & set(box)}
+        guard = unproved_guard(side, everywhere, written)
         if guard is not None:
-            needs = f"{guard.owner} needs {guard.expression} to be {guard.need}"
-            return f"the right-hand side may not be smooth everywhere: {needs}"
+            return f"the right-hand side may not be smooth everywhere: {guard.demand}"
     return None
 
 
@@ -75,6 +80,35 @@ def _not_at_rest(agent: Agent, exosystem: Exosystem) -> Finding | None:
             unknown = Finding(
                 "A0", agent.id, "unknown", f"{name} at the origin is not shown to be 0", {"value": str(value)}
             )
+    return unknown
+
+
+def _not_smooth(agent: Agent, exosystem: Exosystem) -> Finding | None:
+    """A part that is not smooth at a start, or at the origin; None when all of ``f0, f1, b`` are."""
+    W = dict(zip(agent.parameters, agent.parameter_box, strict=True))
+    states = (*agent.zero_states, *agent.chain, *exosystem.states)
+    starts = (*agent.initial.z, *agent.initial.x, *exosystem.initial)
+    at_start, at_rest = (
+        dict(zip(states, starts, strict=True)),
+        dict.fromkeys(states, Interval(Fraction(0), Fraction(0))),
+    )
+    written = agent.guards
+    sides = [
+        *((f"f0 ({z})", f0, written.of_zero_dynamics(k))
+          for k, (z, f0) in enumerate(zip(agent.zero_states, agent.zero_dynamics, strict=True))),
+        ("f1", agent.f, written.f),
+        ("b", agent.b, written.b),
+    ]  # fmt: skip
+    unknown: Finding | None = None
+    for place, box in (("the initial box", at_start), ("the origin", at_rest)):
+        for name, side, parts in sides:
+            found = first_break(dict.fromkeys((*parts, *guards(side))), box | W)
+            if found is None:
+                continue
+            reason = f"{name} is not smooth on {place} and W: {found.reason}"
+            if found.verdict == "fails":
+                return Finding("A0", agent.id, "fails", reason, {"at": [dict(point) for point in found.at]})
+            unknown = unknown or Finding("A0", agent.id, "unknown", f"{name}: {found.reason} ({place} and W)")
     return unknown
 
 

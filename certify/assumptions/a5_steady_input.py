@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import sympy
-
 from certify.assumptions.findings import Finding, Json, unless_holds
-from symbolic.internal_model import InternalModel, NoInternalModel, internal_model
-from symbolic.plant import Agent, Exosystem
+from symbolic.internal_model import InternalModel, NoInternalModel
+from symbolic.plant import Agent
 from symbolic.steady_state import SteadyState
 
 
-def check_steady_input(agent: Agent, exosystem: Exosystem, steady_state: SteadyState, s_star: sympy.Expr) -> Finding:
-    """Decide A5 with ``symbolic.internal_model``. Evidence: ``u*``, the least order ``s_i`` and ``ℓ``.
-
-    ``s_star`` is the exact optimum, or the symbol ``s`` when it is only enclosed; ``S`` must satisfy A4.
-    """
-    found = internal_model(agent, exosystem, steady_state, s_star)
+def check_steady_input(agent: Agent, steady_state: SteadyState, found: InternalModel | NoInternalModel) -> Finding:
+    """Report what ``symbolic.internal_model`` proved. Evidence: ``u*``, the least order ``s_i`` and ``ℓ``."""
     u_star = str(steady_state.u_star)
     if isinstance(found, NoInternalModel):
         verdict = unless_holds(found.verdict)

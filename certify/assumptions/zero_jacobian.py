@@ -96,12 +96,10 @@ def not_smooth(agent: Agent, exosystem: Exosystem) -> Unbounded | None:
     """The part of ``f0`` that is not shown to be smooth for all ``z, x1, v`` and ``W``; None when all of it is."""
     box: dict[sympy.Symbol, Interval | None] = dict.fromkeys((*agent.zero_states, agent.chain[0], *exosystem.states))
     box.update(zip(agent.parameters, agent.parameter_box, strict=True))
-    for side in agent.zero_dynamics:
-        guard = unproved_guard(side, box)
+    for k, side in enumerate(agent.zero_dynamics):
+        guard = unproved_guard(side, box, agent.guards.of_zero_dynamics(k))
         if guard is not None:
-            return Unbounded(
-                f"f0 may not be smooth everywhere: {guard.owner} needs {guard.expression} to be {guard.need}"
-            )
+            return Unbounded(f"f0 may not be smooth everywhere: {guard.demand}")
     return None
 
 

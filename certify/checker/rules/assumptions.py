@@ -53,7 +53,7 @@ class Facts:
 
 def prove(plant: Plant, certificate: Certificate) -> Facts:
     """A0 to A5. Raises ``Rejected``."""
-    r = _network(plant)
+    r = prove_network(plant)
     costs = tuple(prove_cost(agent) for agent in plant.agents)
     if len(certificate.witness.optimum) != 2:
         raise Malformed("the optimum is an interval")
@@ -62,14 +62,14 @@ def prove(plant: Plant, certificate: Certificate) -> Facts:
     v = _exosystem(plant, certificate)
     witnesses: Sequence[AgentWitness | DirectAgentWitness] = certificate.witness.agents
     agents = tuple(
-        _AgentProof(plant, agent, claim, witness, (lo, hi), v).prove()
+        AgentProof(plant, agent, witness.steady_state, witness.ell, (lo, hi), v).prove(claim)
         for agent, claim, witness in zip(plant.agents, certificate.claim.agents, witnesses, strict=True)
     )
     v_at_start = {name: between(*box) for name, box in plant.exosystem.items()}
     return Facts(r, costs, between(lo, hi), slopes, v, v_at_start, agents)
 
 
-def _network(plant: Plant) -> tuple[Fraction, ...]:
+def prove_network(plant: Plant) -> tuple[Fraction, ...]:
     """A2: all agents reach and are reached by the first; ``r`` from ``rᵀL = 0``, ``Σ r = 1``."""
     L = plant.laplacian
     require(_all_reached(L) and _all_reached(linear.transpose(L)), "A2: strongly connected")
@@ -91,15 +91,20 @@ def _all_reached(L: Matrix) -> bool:
 
 
 def _exosystem(plant: Plant, certificate: Certificate) -> dict[str, Interval]:
-    """A4: ``Q ≻ 0`` with ``SᵀQ + QS = 0``. Returns ``|v_k(t)| ≤ √((Q⁻¹)_kk max vᵀQv)``."""
-    names, given = list(plant.exosystem), certificate.witness.exosystem
+    """A4 with the certificate's ``Q``."""
+    given = certificate.witness.exosystem
     Q = given.Q if given else None
-    if not names:
+    if not plant.exosystem:
         if Q is not None:
             raise Malformed("exosystem: there is none")
         return {}
-    if Q is None or len(Q) != len(names):
-        raise Malformed(f"exosystem: a {len(names)}×{len(names)} matrix is needed")
+    if Q is None or len(Q) != len(plant.exosystem):
+        raise Malformed(f"exosystem: a {len(plant.exosystem)}×{len(plant.exosystem)} matrix is needed")
+    return prove_exosystem(plant, Q)
+
+
+def prove_exosystem(plant: Plant, Q: Matrix) -> dict[str, Interval]:
+    """A4: ``Q ≻ 0`` with ``SᵀQ + QS = 0``. Returns ``|v_k(t)| ≤ √((Q⁻¹)_kk max vᵀQv)``."""
     require(plant.S is not None, "A4: S is rational")
     require(linear.is_positive_definite(Q), "A4: Q ≻ 0", Q=Q)
     QS = linear.product(Q, plant.S or [])
@@ -107,22 +112,22 @@ def _exosystem(plant: Plant, certificate: Certificate) -> dict[str, Interval]:
     require(not any(map(any, residual)), "A4: SᵀQ + QS = 0", residual=residual)
     energy = quadratic_bound(Q, [between(*box) for box in plant.exosystem.values()])
     inverse = linear.inverse(Q)
-    return {name: symmetric((energy * inverse[k][k]).sqrt()) for k, name in enumerate(names)}
+    return {name: symmetric((energy * inverse[k][k]).sqrt()) for k, name in enumerate(plant.exosystem)}
 
 
-class _AgentProof:
+class AgentProof:
     """A0, A3, A5 of one agent, as identities between rational functions of ``s, v, w``."""
 
     def __init__(
         self,
         plant: Plant,
         agent: Agent,
-        claim: AgentClaim,
-        witness: AgentWitness | DirectAgentWitness,
+        steady_state: Sequence[str],
+        ell: Sequence[Fraction],
         optimum: tuple[Fraction, Fraction],
         v: Mapping[str, Interval],
     ) -> None:
-        self.agent, self.claim, self.witness, self.v = agent, claim, witness, v
+        self.agent, self.ell, self.v = agent, ell, v
         self.point = optimum[0] if optimum[0] == optimum[1] else None
         self.optimum = between(*optimum)
         self.name = f"agent {agent.id}"
@@ -134,16 +139,14 @@ class _AgentProof:
             name: sum((x * constant(entry) for x, entry in zip(states, row, strict=True)), ZERO)
             for name, row in zip(v, plant.S or [], strict=True)
         }
-        self.nodes = [parse(text, {name: Name(name) for name in self.symbols}) for text in witness.steady_state]
+        self.nodes = [parse(text, {name: Name(name) for name in self.symbols}) for text in steady_state]
 
-    def prove(self) -> AgentFacts:
-        with obligation(f"{self.name}: A0"):
-            b = self.origin_and_input_gain()
-        with obligation(f"{self.name}: A3"):
-            self.regulator()
+    def prove(self, claim: AgentClaim) -> AgentFacts:
+        b = self.origin_and_input_gain()
+        self.regulator()
+        self.immersion()
         with obligation(f"{self.name}: A5"):
-            self.immersion()
-            return AgentFacts(self.w, b, self.transformation(), self.steady_state, self.tau, self.steady_input)
+            return AgentFacts(self.w, b, self.transformation(claim), self.steady_state, self.tau, self.steady_input)
 
     def identity(self, value: Rational, name: str) -> None:
         require(self.algebra.vanishes(value), f"{self.name}: {name}", terms_left=len(value.top.terms))
@@ -183,9 +186,10 @@ class _AgentProof:
     def origin_and_input_gain(self) -> Interval:
         """A0: ``f0(0, 0, 0, w) = 0``, ``f1(0, 0, 0, w) = 0``, ``b > 0``. Returns ``[b]``."""
         zeros = dict.fromkeys((*self.agent.zero_states, *self.agent.chain, *self.v), ZERO)
-        for node in (*self.agent.zero_dynamics, self.agent.f):
-            self.identity(self.algebra.read(node, {**self.symbols, **zeros}), "A0: f(0, 0, 0, w) = 0")
-        b = self.range(self.agent.b, {}, CUTS)
+        with obligation(f"{self.name}: A0"):
+            for node in (*self.agent.zero_dynamics, self.agent.f):
+                self.identity(self.algebra.read(node, {**self.symbols, **zeros}), "A0: f(0, 0, 0, w) = 0")
+            b = self.range(self.agent.b, {}, CUTS)
         require(b > 0, f"{self.name}: A0: b > 0", b=b)
         return b
 
@@ -198,28 +202,30 @@ class _AgentProof:
 
     def regulator(self) -> None:
         """A3: ``∂z*/∂v·S v = f0(z*, s, v, w)`` and ``z*(0, 0, w) = 0``."""
-        for node in self.nodes:
-            at_zero = self.algebra.read(node, {**self.symbols, **dict.fromkeys(("s", *self.v), ZERO)})
-            self.identity(at_zero, "A3: z*(0, 0, w) = 0")
-        values = self.steady_states(self.symbols["s"])
-        for name, f0 in zip(self.agent.zero_states, self.agent.zero_dynamics, strict=True):
-            speed = self.algebra.lie_derivative(values[name], self.exosystem)
-            self.identity(speed - self.algebra.read(f0, values), "A3: ∂z*/∂v·S v = f0(z*, s, v, w)")
+        with obligation(f"{self.name}: A3"):
+            for node in self.nodes:
+                at_zero = self.algebra.read(node, {**self.symbols, **dict.fromkeys(("s", *self.v), ZERO)})
+                self.identity(at_zero, "A3: z*(0, 0, w) = 0")
+            values = self.steady_states(self.symbols["s"])
+            for name, f0 in zip(self.agent.zero_states, self.agent.zero_dynamics, strict=True):
+                speed = self.algebra.lie_derivative(values[name], self.exosystem)
+                self.identity(speed - self.algebra.read(f0, values), "A3: ∂z*/∂v·S v = f0(z*, s, v, w)")
 
     def immersion(self) -> None:
         """A5: ``L_S^s u* = Σ ℓ_k L_S^(k−1) u*``."""
-        values = self.steady_states(self.symbols["s"] if self.point is None else constant(self.point))
-        u = -self.algebra.read(self.agent.f, values) / self.algebra.read(self.agent.b, values)
-        residual, self.inputs = ZERO, []
-        for coefficient in self.witness.ell:
-            self.inputs.append(u)
-            residual = residual - u * constant(coefficient)
-            u = self.algebra.lie_derivative(u, self.exosystem)
-        self.identity(residual + u, "A5: L_S^s u* = Σ ℓ_k L_S^(k−1) u*")
+        with obligation(f"{self.name}: A5"):
+            values = self.steady_states(self.symbols["s"] if self.point is None else constant(self.point))
+            u = -self.algebra.read(self.agent.f, values) / self.algebra.read(self.agent.b, values)
+            residual, self.inputs = ZERO, []
+            for coefficient in self.ell:
+                self.inputs.append(u)
+                residual = residual - u * constant(coefficient)
+                u = self.algebra.lie_derivative(u, self.exosystem)
+            self.identity(residual + u, "A5: L_S^s u* = Σ ℓ_k L_S^(k−1) u*")
 
-    def transformation(self) -> Matrix:
+    def transformation(self, claim: AgentClaim) -> Matrix:
         """``T`` with ``TΦ − MT = NΓ`` and ``ΨT = Γ``: the inverse of the observability matrix of ``(Ψ, M + NΨ)``."""
-        M, N, psi, ell = self.claim.M, self.claim.N, self.claim.psi, self.witness.ell
+        M, N, psi, ell = claim.M, claim.N, claim.psi, self.ell
         s = len(ell)
         if not s:
             return []
