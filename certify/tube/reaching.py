@@ -80,21 +80,24 @@ class Magnitudes:
 
 @dataclass(frozen=True)
 class Instant:
-    """The state of the comparison system of phase 1; ``speed`` bounds ``|ẋ_n|`` up to now."""
+    """The state of the comparison system of phase 1; ``speed`` bounds ``|ẋ_n|`` up to now, ``push`` ``|ū|`` on the
+    step that ends here."""
 
     time: float
     state: Magnitudes
     speed: float
     known: Ranges
+    push: float = 0.0
 
 
 @dataclass(frozen=True)
 class Reached:
-    """``grid[0] = 0``, ``boxes[k]`` holds on step ``k``, ``ends[k]`` bounds ``|ϑ|`` and ``ranges[k]`` ``z`` after it;
-    ``start`` bounds ``Y`` at the end of the grid."""
+    """``grid[0] = 0``, ``boxes[k]`` holds on step ``k`` and ``pushes[k]`` bounds ``|ū|`` on it, ``vartheta[k]`` bounds
+    ``|ϑ|`` and ``ranges[k]`` ``z`` after it; ``start`` bounds ``Y`` at the end of the grid."""
 
     grid: tuple[float, ...]
     boxes: tuple[Magnitudes, ...]
+    pushes: tuple[float, ...]
     vartheta: tuple[float, ...]
     ranges: tuple[Ranges, ...]
     start: np.ndarray
@@ -191,6 +194,7 @@ class Reaching:
         return Reached(
             tuple(item.time for item in instants),
             tuple(boxes),
+            tuple(item.push for item in instants[1:]),
             tuple(item.state.vartheta for item in instants[1:]),
             tuple(item.known for item in instants[1:] if item.known),
             self.start(now),
@@ -236,7 +240,7 @@ class Reaching:
         inside = min(x[-1], box.vartheta + _dot(theta[:-1], box.x))
         needed = Magnitudes(tuple(z), (*x[:-1], inside), max(state.vartheta, vartheta), zeta)
         end = min(x[-1], vartheta + _dot(theta[:-1], x))
-        return Instant(now.time + length, Magnitudes(tuple(z), (*x[:-1], end), vartheta, zeta), speed, known), needed
+        return Instant(now.time + length, Magnitudes(tuple(z), (*x[:-1], end), vartheta, zeta), speed, known, u), needed
 
     def _zero_rates(self, slopes: Slopes, box: Magnitudes, moment: Moment) -> list[float]:
         bounds = (*box.z, box.x[0])

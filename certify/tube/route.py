@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -12,10 +13,12 @@ from certify.certificate import Json
 from certify.preparation import Prepared
 from certify.results import AgentResult, Alternative
 from certify.tube.certificate import BOX_BITS, tube_controller, tube_witness
-from certify.tube.search import NoChoice, nearest_gains, search_gains
+from certify.tube.performance import Performances
+from certify.tube.requirements import Descent, Missed, Wanted, explained, meet
+from certify.tube.search import Choice, NoChoice, nearest_gains, search_gains
 from certify.tube.trial import AgentTrials, Trial
 from symbolic.controller import AgentController
-from symbolic.plant import Agent, RequestedGains
+from symbolic.plant import Agent, RequestedGains, Requirements
 
 
 def tube_agent(
@@ -37,7 +40,13 @@ def tube_agent(
     if isinstance(found, NoChoice):
         reason = found.reason + _nearest(trials, requested, report)
         return AgentResult(derived.id, "inconclusive", reason, linear=linear), None, None
-    default = _coarsened(trials, found[0].trial, prepared, index)
+    asked = prepared.plant.requirements_of(derived.id)
+    if replace(asked, region=None) != Requirements():
+        met = _meeting(trials, found, prepared, index, asked, report)
+        if isinstance(met, str):
+            return AgentResult(derived.id, "inconclusive", met, linear=linear), None, None
+        found = (met, *(choice for choice in found if choice.trial is not met.trial))
+    default = _coarsened(trials, found[0].trial, prepared, index, asked)
     controller = tube_controller(default)
     peak = [round_up(Fraction(float(value)), BOX_BITS) for value in _peak(default)]
     names = [str(z) for z in model.agent.zero_states] + [str(x) for x in model.agent.chain] + ["vartheta", "input"]
@@ -60,9 +69,36 @@ def tube_agent(
     return result, controller, tube_witness(default)
 
 
-def _coarsened(trials: AgentTrials, trial: Trial, prepared: Prepared, index: int) -> Trial:
-    own = trials if trial.model is trials.model else AgentTrials(trial.model, prepared.coordinator.envelope, index)
-    return own.coarsened(trial)
+def _meeting(
+    trials: AgentTrials,
+    found: Sequence[Choice],
+    prepared: Prepared,
+    index: int,
+    asked: Requirements,
+    report: Callable[[str], None],
+) -> Choice | str:
+    """Gains that meet the requirements, or what stands in the way."""
+    requested, descents = prepared.plant.gains_of(prepared.derivation.agents[index].id), list[tuple[Descent, Trial]]()
+    for choice in found:
+        own = _own(trials, choice.trial, prepared, index)
+        performances = Performances(own.model, own.surroundings)
+        descents.append((Descent(own, performances, requested, report), choice.trial))
+    result = meet(descents, asked, report)
+    if isinstance(result, Missed):
+        return explained(result, asked)
+    return Choice("required", "meets the requirements", result.trial)
+
+
+def _own(trials: AgentTrials, trial: Trial, prepared: Prepared, index: int) -> AgentTrials:
+    """Those of the trial's design."""
+    return trials if trial.model is trials.model else AgentTrials(trial.model, prepared.coordinator.envelope, index)
+
+
+def _coarsened(trials: AgentTrials, trial: Trial, prepared: Prepared, index: int, asked: Requirements) -> Trial:
+    own = _own(trials, trial, prepared, index)
+    coarse = own.coarsened(trial)
+    wanted = Wanted(asked)
+    return trial if wanted.missed(Performances(own.model, own.surroundings).of(coarse)) else coarse
 
 
 def _peak(trial: Trial) -> np.ndarray:
