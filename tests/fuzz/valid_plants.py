@@ -21,7 +21,7 @@ INTERNAL = (
 PLAIN = "p q a1 a2 v1 v2 w1 w2 z1 z2 z3 theta mass k_1 Temperature A0 e E2 e10".split()
 TAKEN = "s id pi x1 x2 x17 sin sqrt exp".split()
 SMOOTH = ("sin", "cos", "exp", "tanh", "atan", "sinh", "cosh")
-INITIAL = ("box", "z", "x", "eta", "observer", "reference")  # the keys of the table that holds the zero states' boxes
+INITIAL = ("box", "box", "box", "z", "x", "eta", "observer", "reference")  # keys of the table of the zero states' boxes
 DEPTH = 2
 SHARED_GAINS = ("g", "K", "delta", "h")
 
