@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence, Set
 from fractions import Fraction
+from functools import partial
 
 import sympy
 
+from symbolic import messages
 from symbolic.errors import Where, quoted
 from symbolic.expressions import Written
 from symbolic.guards import AgentGuards
-from symbolic.initial_file import InitialTable
+from symbolic.initial_file import POINT, InitialTable
+from symbolic.messages import Reason
 from symbolic.names import Scope
-from symbolic.plant import COST_VARIABLE, Agent, InternalModelChoice, symbol
+from symbolic.plant import COST_VARIABLE, Agent, InitialBox, InternalModelChoice, symbol
 from symbolic.tables import Table, Value, array, expression, integer, interval, vector
 
 MAX_AGENTS = 1_000
@@ -24,7 +27,7 @@ MAX_AGENT_CONSTANTS = 200
 MAX_INTERNAL_MODEL = 64
 MAX_TEXT = 5_000_000
 
-_KEYS = (
+KEYS = (
     "ids",
     "zero_dynamics",
     "order",
@@ -39,57 +42,95 @@ _KEYS = (
     "gamma",
     "observer",
 )
+ZERO = Written(sympy.S.Zero)
+NOWHERE = InitialBox((), (), None, POINT, POINT)  # where there is no [initial], which is an error
 _RANGE = re.compile(r"\s*([0-9]{1,9})\s*(?:-|\.\.)\s*([0-9]{1,9})\s*")
 
 
-def read_agents(root: Table, count: int, scope: Scope) -> tuple[Agent, ...]:
-    """The agents ``1 … count`` in order, each described by exactly one table."""
+def read_agents(root: Table, count: int | None, scope: Scope) -> tuple[Agent, ...]:
+    """The agents ``1 … count`` in order, each described by exactly one table; ``count`` may be unknown."""
     where = root.at("agent")
-    box = root.need("initial", "initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }")
-    initial = InitialTable(Table(box, root.at("initial")))
-    agents: dict[int, Agent] = {}
+    tables = _tables(root, where, count)
+    own = {name: messages.OWN_CONSTANT(name=name) for table in tables for name in _keys_of(table, "constants")}
+    example = "initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }"
+    box = root.read("initial", example, Table, Table({}, root.at("initial")))
+    initial = InitialTable(box, own) if "initial" in root else None
+    agents: dict[int, Agent | None] = {}
     length = 0
-    if isinstance(root.need("agent", "[[agent]], then ids, order, f, b and cost in lines of their own"), dict):
-        raise where.error("agents are given as [[agent]] tables, with two brackets")
-    tables = array(root.need("agent"), where, most=count, what="tables")
-    for position, entry in enumerate(tables, 1):
-        table = Table(entry, where.at(position), _KEYS)
-        numbers = list(_ids(table.need("ids", "ids = [1, 2]"), table.at("ids"), count))
+    for table in tables:
+        numbers = table.read("ids", "ids = [1, 2]", partial(_ids, count=count or MAX_AGENTS), list[int]())
         length += len(numbers) * _text_length(table.entries)
         if length > MAX_TEXT:
-            raise where.error(f"the expressions of all agents together have more than {MAX_TEXT} characters")
+            raise where.error(messages.TOO_MUCH_TEXT(most=MAX_TEXT))
+        others = {name for other in tables if other is not table for name in _declared_in(other)}
         for number in numbers:
             if number in agents:
-                raise table.at("ids").error(f"agent {number} is described twice")
-            agents[number] = _agent(table, number, scope.with_id(number), initial)
-    missing = [number for number in range(1, count + 1) if number not in agents]
-    if missing:
-        raise where.error(
-            f"agent {missing[0]} has no [[agent]] table"
-            if len(missing) == 1
-            else f"agents {', '.join(map(str, missing[:5]))}{'...' if len(missing) > 5 else ''} have no [[agent]] table"
-        )
-    initial.check(agents.values(), scope.with_id(1))
-    return tuple(agents[number] for number in sorted(agents))
+                table.at("ids").report(messages.DESCRIBED_TWICE(number=number))
+            elif agents and list(agents.values())[-1] is None and number != numbers[0]:
+                agents[number] = None  # the agents of a table share its faults
+            else:
+                read = partial(_agent, table, number, scope.with_id(number), initial, others)
+                agents[number] = _attempted(where, read)
+    missing = [number for number in range(1, (count or 0) + 1) if number not in agents]
+    if missing and all("ids" in table for table in tables):
+        listed = f"{', '.join(map(str, missing[:5]))}{'...' if len(missing) > 5 else ''}"
+        one = len(missing) == 1
+        where.report(messages.NO_TABLE(agents=f"agent {listed} has" if one else f"agents {listed} have"))
+    known = [agent for agent in agents.values() if agent is not None]
+    if initial is not None and len(known) == len(agents):
+        initial.check(known, scope.with_id(1))
+    return tuple(agent for _, agent in sorted(agents.items()) if agent is not None)
 
 
-def _ids(value: Value, where: Where, count: int) -> Iterator[int]:
+def _tables(root: Table, where: Where, count: int | None) -> list[Table]:
+    """The [[agent]] tables that are tables."""
+    example = "[[agent]], then ids, order, f, b and cost in lines of their own"
+    entries = root.read("agent", example, partial(_several, most=count or MAX_AGENTS), list[Value]())
+    read = (where.at(k).attempt(partial(Table, entry, where.at(k), KEYS), None) for k, entry in enumerate(entries, 1))
+    return [table for table in read if table is not None]
+
+
+def _several(value: Value, where: Where, most: int) -> list[Value]:
+    if isinstance(value, dict):
+        raise where.error(messages.TWO_BRACKETS())
+    return array(value, where, most=most, what="tables")
+
+
+def _attempted(where: Where, read: Callable[[], Agent]) -> Agent | None:
+    """The agent, or ``None`` if anything was noted on the way."""
+    before = len(where.problems.found) if where.problems else 0
+    agent = where.attempt(read, None)
+    return agent if where.problems is None or len(where.problems.found) == before else None
+
+
+def _keys_of(table: Table, key: str) -> list[str]:
+    value = table.entries.get(key)
+    return list(value) if isinstance(value, dict) else []
+
+
+def _declared_in(table: Table) -> list[str]:
+    return [name for key in ("zero_dynamics", "constants", "uncertain") for name in _keys_of(table, key)]
+
+
+def _ids(value: Value, where: Where, count: int) -> list[int]:
     """The numbers in ``[1, 2]``, ``"3-5"`` or ``[1, "3-5"]``."""
     entries = [value] if isinstance(value, str) else array(value, where, most=count)
     if not entries:
-        raise where.error("at least one agent is needed")
+        raise where.error(messages.NO_IDS())
+    numbers: list[int] = []
     for position, entry in enumerate(entries, 1):
         here = where.at(position) if isinstance(value, list) else where
         if not isinstance(entry, str):
-            yield integer(entry, here, least=1, most=count)
+            numbers.append(integer(entry, here, least=1, most=count))
             continue
         match = _RANGE.fullmatch(entry)
         if match is None:
-            raise here.error(f'a range is written "3-5", found {quoted(entry)}')
+            raise here.error(messages.RANGE(found=quoted(entry)))
         first, last = int(match[1]), int(match[2])
         if not 1 <= first <= last <= count:
-            raise here.error(f"a range of agents from 1 to {count} is needed, found {quoted(entry)}")
-        yield from range(first, last + 1)
+            raise here.error(messages.RANGE_ENDS(most=count, found=quoted(entry)))
+        numbers += range(first, last + 1)
+    return numbers
 
 
 def _text_length(value: Value) -> int:
@@ -101,26 +142,30 @@ def _text_length(value: Value) -> int:
     return len(value) if isinstance(value, str) else 1
 
 
-def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Agent:
+def _agent(table: Table, number: int, scope: Scope, initial: InitialTable | None, others: Set[str]) -> Agent:
     outer = scope
-    order = integer(table.need("order", "order = 2"), table.at("order"), least=1, most=MAX_ORDER)
+    order = table.read("order", "order = 2", partial(integer, least=1, most=MAX_ORDER), None)
     zero = table.table("zero_dynamics")
     if len(zero.entries) > MAX_ZERO_STATES:
-        raise zero.where.error(f"{len(zero.entries)} zero states, more than {MAX_ZERO_STATES}")
+        raise zero.where.error(messages.TOO_MANY(count=len(zero.entries), what="zero states", most=MAX_ZERO_STATES))
     for name in zero.entries:
         scope = scope.with_state(name, zero.at(name), "a zero state")
     scope = scope.with_constants(table.table("constants"), most=MAX_AGENT_CONSTANTS)
     uncertain = table.table("uncertain")
     if len(uncertain.entries) > MAX_PARAMETERS:
-        raise uncertain.where.error(f"{len(uncertain.entries)} parameters, more than {MAX_PARAMETERS}")
-    box = tuple(interval(value, uncertain.at(name), scope.constants) for name, value in uncertain.entries.items())
+        count = len(uncertain.entries)
+        raise uncertain.where.error(messages.TOO_MANY(count=count, what="parameters", most=MAX_PARAMETERS))
+    box = tuple(
+        uncertain.at(name).attempt(partial(interval, value, uncertain.at(name), scope.constants), POINT)
+        for name, value in uncertain.entries.items()
+    )
     for name in uncertain.entries:
         scope = scope.with_state(name, uncertain.at(name), "a parameter")
-    reader = _AgentReader(table, order, scope)
+    reader = _AgentReader(table, order, scope, others)
     zero_dynamics, f, b, cost = reader.zero_dynamics(zero), reader.right_hand_side(), reader.input_gain(), reader.cost()
     return Agent(
         id=number,
-        order=order,
+        order=order or 1,
         zero_states=tuple(symbol(name) for name in scope.zero_states),
         zero_dynamics=tuple(f0.expr for f0 in zero_dynamics),
         f=f.expr,
@@ -128,11 +173,11 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Ag
         cost=cost.expr,
         parameters=tuple(symbol(name) for name in scope.parameters),
         parameter_box=box,
-        initial=initial.box_of(order, scope.zero_states, outer),
+        initial=initial.box_of(order, scope.zero_states, outer) if initial else NOWHERE,
         steady_state=reader.steady_state(),
         lyapunov=reader.lyapunov(),
         internal_model=reader.internal_model(),
-        gamma=reader.numbers("gamma", order - 1),
+        gamma=reader.numbers("gamma", None if order is None else order - 1),
         observer=reader.numbers("observer", order),
         guards=AgentGuards(tuple(f0.guards for f0 in zero_dynamics), f.guards, b.guards, cost.guards),
     )
@@ -141,39 +186,44 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable) -> Ag
 class _AgentReader:
     """The expressions of one agent; each sees only the names that the normal form allows (theory.md section 1)."""
 
-    def __init__(self, table: Table, order: int, scope: Scope) -> None:
+    def __init__(self, table: Table, order: int | None, scope: Scope, others: Set[str]) -> None:
+        """``order`` is None if it could not be read: then any chain is allowed."""
         self.table = table
         self.scope = scope
-        self.chain = tuple(f"x{k}" for k in range(1, order + 1))
+        self.order = order
+        self.chain = _chain(order or MAX_ORDER)
+        self.others = others
 
-    def read(self, key: str, *names: str, because: str) -> Written:
-        return self.read_value(self.table.need(key), self.table.at(key), *names, because=because)
+    def read(self, key: str, example: str, *names: str, because: str) -> Written:
+        return self.table.read(key, example, partial(self.expression, names=names, because=because), ZERO)
 
-    def read_value(self, value: Value, where: Where, *names: str, because: str) -> Written:
-        scope = self.scope
-        elsewhere = {*self.chain, *scope.exosystem, *scope.zero_states, *scope.parameters, str(COST_VARIABLE)}
-        refused = {name: f"{quoted(name)} may not appear here: {because}" for name in elsewhere - set(names)}
-        return expression(value, where, scope.values(*names), refused)
+    def expression(self, value: Value, where: Where, names: Sequence[str], because: str) -> Written:
+        return expression(value, where, self.scope.values(*names), self.refused(names, because))
+
+    def refused(self, names: Sequence[str], because: str) -> dict[str, Reason]:
+        """Why a name that means something elsewhere may not appear in an expression of these names."""
+        scope, order = self.scope, self.order
+        reasons = {name: messages.OTHER_AGENTS(name=name) for name in self.others}
+        reasons |= {"u": messages.INPUT_IN_F(), "y": messages.OUTPUT(), "t": messages.TIME()}
+        elsewhere = {*_chain(MAX_ORDER), *scope.exosystem, *scope.zero_states, *scope.parameters, str(COST_VARIABLE)}
+        reasons |= {name: messages.NOT_HERE(name=quoted(name), because=because) for name in elsewhere - set(names)}
+        if order is not None and self.chain[-1] in names:
+            higher = partial(messages.HIGHER_STATE, order=order, next=order + 1, chain=", ".join(self.chain))
+            reasons |= {name: higher(name=name) for name in _chain(MAX_ORDER)[order:]}
+        return reasons
 
     def zero_dynamics(self, table: Table) -> tuple[Written, ...]:
         scope = self.scope
-        return tuple(
-            self.read_value(
-                value,
-                table.at(name),
-                *scope.zero_states,
-                "x1",
-                *scope.exosystem,
-                *scope.parameters,
-                because="in the normal form the zero dynamics depend on z, x1, v and the parameters only",
-            )
-            for name, value in table.entries.items()
-        )
+        names = (*scope.zero_states, "x1", *scope.exosystem, *scope.parameters)
+        because = "in the normal form the zero dynamics depend on z, x1, v and the parameters only"
+        read = partial(self.expression, names=names, because=because)
+        return tuple(table.read(name, "", read, ZERO) for name in table.entries)
 
     def right_hand_side(self) -> Written:
         scope = self.scope
         return self.read(
             "f",
+            'f = "p*x1"',
             *scope.zero_states,
             *self.chain,
             *scope.exosystem,
@@ -182,48 +232,50 @@ class _AgentReader:
         )
 
     def input_gain(self) -> Written:
-        return self.read("b", *self.scope.parameters, because="b depends on the parameters only")
+        return self.read("b", "b = 1", *self.scope.parameters, because="b depends on the parameters only")
 
     def cost(self) -> Written:
-        return self.read("cost", str(COST_VARIABLE), because="a cost depends on s and constants only")
+        because = "a cost depends on s and constants only"
+        return self.read("cost", 'cost = "(s - id)^2"', str(COST_VARIABLE), because=because)
 
     def steady_state(self) -> tuple[sympy.Expr, ...] | None:
         if "steady_state" not in self.table:
             return None
         scope = self.scope
         table = self.table.table("steady_state", scope.zero_states)
-        return tuple(
-            self.read_value(
-                table.need(name),
-                table.at(name),
-                str(COST_VARIABLE),
-                *scope.exosystem,
-                *scope.parameters,
-                because="a steady state z* depends on s, v and the parameters only",
-            ).expr
-            for name in scope.zero_states
-        )
+        because = "a steady state z* depends on s, v and the parameters only"
+        names = (str(COST_VARIABLE), *scope.exosystem, *scope.parameters)
+        read = partial(self.expression, names=names, because=because)
+        return tuple(table.read(name, f'{name} = "s"', read, ZERO).expr for name in scope.zero_states)
 
     def lyapunov(self) -> sympy.Expr | None:
         key = "zero_dynamics_lyapunov"
         if key not in self.table:
             return None
         if not self.scope.zero_states:
-            raise self.table.at(key).error("there are no zero dynamics")
-        return self.read(key, *self.scope.zero_states, because="this V0 depends on z only").expr
+            self.table.at(key).report(messages.NO_ZERO_DYNAMICS(), on_key=True)
+            return None
+        return self.read(key, "", *self.scope.zero_states, because="this V0 depends on z only").expr
 
     def internal_model(self) -> InternalModelChoice | None:
-        if "internal_model" not in self.table:
-            return None
-        table = self.table.table("internal_model", ("M", "N"))
-        rows = array(table.need("M"), table.at("M"), most=MAX_INTERNAL_MODEL, what="rows")
-        if not rows:
-            raise table.at("M").error("at least one row is needed")
-        constants = self.scope.constants
-        M = tuple(vector(row, table.at("M").at(i), constants, len(rows)) for i, row in enumerate(rows, 1))
-        return InternalModelChoice(M, vector(table.need("N"), table.at("N"), constants, len(rows)))
+        key, example = "internal_model", "internal_model = { M = [[-1]], N = [1] }"
+        return self.table.read(key, example, self._pair, None) if key in self.table else None
 
-    def numbers(self, key: str, length: int) -> tuple[Fraction, ...] | None:
+    def _pair(self, value: Value, where: Where) -> InternalModelChoice:
+        table, constants = Table(value, where, ("M", "N")), self.scope.constants
+        most = partial(array, most=MAX_INTERNAL_MODEL, what="rows")
+        rows = most(table.need("M", "M = [[0, 1], [-2, -3]]"), table.at("M"))
+        if not rows:
+            raise table.at("M").error(messages.NO_ROWS())
+        M = tuple(vector(row, table.at("M").at(i), constants, len(rows)) for i, row in enumerate(rows, 1))
+        return InternalModelChoice(M, vector(table.need("N", "N = [0, 1]"), table.at("N"), constants, len(rows)))
+
+    def numbers(self, key: str, length: int | None) -> tuple[Fraction, ...] | None:
         if key not in self.table:
             return None
-        return vector(self.table.entries[key], self.table.at(key), self.scope.constants, length)
+        read = partial(vector, constants=self.scope.constants, length=length)
+        return self.table.read(key, "", read, None)
+
+
+def _chain(order: int) -> tuple[str, ...]:
+    return tuple(f"x{k}" for k in range(1, order + 1))

@@ -9,6 +9,7 @@ from flint import arb, ctx, fmpq
 
 PRECISION = 256
 LARGEST = arb(2) ** 10_000
+LARGEST_EXPONENT = 3010  # of ten, for messages
 
 FUNCTION_BALLS = {
     sympy.sin: arb.sin,

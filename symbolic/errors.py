@@ -1,46 +1,143 @@
-"""One kind of error for bad input: one line that names the file, the key and the reason."""
+"""Bad input: one line for each thing that is wrong, which names the file, the key and the reason."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from fractions import Fraction
+from typing import TypeVar
+
+from symbolic.messages import Reason
+from symbolic.toml_places import Path, Places
 
 MAX_KEY = 200
 MAX_REASON = 400
+MAX_PROBLEMS = 50  # a file with more is another kind of file
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: file, key, reason, the column in an expression, and where it stands in the file.
+
+    ``position`` is line and column from 1, ``None`` as long as nobody has looked; ``spot`` is the path that is looked
+    up, and ``on_key`` says that the key itself is meant.
+    """
+
+    file: str
+    key: str
+    reason: str
+    column: int | None = None
+    spot: Path = ()
+    on_key: bool = False
+    position: tuple[int, int] | None = None
+
+    def __str__(self) -> str:
+        """``FILE:LINE:COLUMN: KEY: column N: reason`` with ``column N`` that of the expression; what is not known is
+        left out."""
+        place = "" if self.position is None else ":{}:{}".format(*self.position)
+        column = "" if self.column is None else f"column {self.column}"
+        parts = [self.file + place, cut(self.key, MAX_KEY), column, cut(self.reason, MAX_REASON)]
+        return one_line(": ".join(part for part in parts if part))
+
+    def located(self, places: Places) -> Problem:
+        """The problem with the position of its spot."""
+        position = self.position or places.of(self.spot, key=self.on_key, column=self.column)
+        return replace(self, position=position)
 
 
 class InputError(ValueError):
-    """Input that cannot be used. The message is one printable line; the command line prints it and exits with 2."""
+    """Input that cannot be used. ``lines`` has a printable line for each thing that is wrong; the command line prints
+    them and exits with 2."""
 
-    def __init__(self, message: str) -> None:
-        super().__init__(one_line(message))
+    def __init__(self, *wrong: str | Problem) -> None:
+        self.problems = tuple(entry for entry in wrong if isinstance(entry, Problem))
+        self.lines = tuple(dict.fromkeys(one_line(str(entry)) for entry in wrong))
+        super().__init__("\n".join(self.lines))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, ...]]:
+        return InputError, self.lines
+
+
+class Problems:
+    """What was found wrong so far, by a reader that goes on after a fault."""
+
+    def __init__(self) -> None:
+        self.found: list[Problem] = []
+
+    def add(self, error: InputError) -> None:
+        self.found += [problem for problem in error.problems if problem not in self.found]
+
+    def finish(self, places: Callable[[], Places]) -> None:
+        """Raises ``InputError`` with everything that was found, in the order of the file; returns if nothing was."""
+        if not self.found:
+            return
+        text = places()
+        located = sorted((problem.located(text) for problem in self.found), key=lambda one: one.position or (0, 0))
+        rest = len(located) - MAX_PROBLEMS
+        more = [f"{located[0].file}: {rest} more"] if rest > 0 else []
+        raise InputError(*located[:MAX_PROBLEMS], *more)
 
 
 @dataclass(frozen=True)
 class Where:
-    """A place in an input: a file (or another source) and a key such as ``agent[2].f``; the key may be empty."""
+    """A place in an input: a file (or another source) and the path of a key, which may be empty.
+
+    With ``problems`` a fault that is reported or met in an attempt is noted and reading goes on; without, it is raised.
+    """
 
     file: str
-    key: str = ""
+    path: Path = ()
+    problems: Problems | None = None
+
+    @property
+    def key(self) -> str:
+        """The path as text, such as ``agent[2].f``."""
+        text = ""
+        for step in self.path:
+            text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+        return text
 
     def at(self, key: str | int) -> Where:
         """The place of an entry of this table (a name) or of this array (a position counted from 1)."""
-        step = f"[{key}]" if isinstance(key, int) else str(key)
-        join = "." if self.key and not isinstance(key, int) else ""
-        return Where(self.file, self.key + join + step)
+        return replace(self, path=(*self.path, key))
 
-    def error(self, reason: str, column: int | None = None) -> InputError:
-        """``FILE: KEY: reason``, with ``column N: `` before the reason of a fault inside an expression."""
-        column_part = "" if column is None else f"column {column}"
-        parts = [self.file, cut(self.key, MAX_KEY), column_part, cut(reason, MAX_REASON)]
-        return InputError(": ".join(part for part in parts if part))
+    def error(
+        self, reason: Reason, column: int | None = None, *, spot: Where | None = None, on_key: bool = False
+    ) -> InputError:
+        """The error to raise; ``spot`` is another place to point at, ``on_key`` points at the key, not its value."""
+        place = (spot or self).path
+        return InputError(Problem(self.file, self.key, reason, column, place, on_key))
+
+    def report(self, reason: Reason, *, spot: Where | None = None, on_key: bool = False) -> None:
+        """Note a fault after which reading can go on; raise it if nobody collects."""
+        error = self.error(reason, spot=spot, on_key=on_key)
+        if self.problems is None:
+            raise error
+        self.problems.add(error)
+
+    def attempt(self, read: Callable[[], T], instead: T) -> T:
+        """What ``read`` returns, or ``instead`` after noting why it could not."""
+        if self.problems is None:
+            return read()
+        try:
+            return read()
+        except InputError as error:
+            self.problems.add(error)
+            return instead
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The known word most like this one, if any is alike; of short names half is enough."""
     return next(iter(get_close_matches(cut(word, 80), known, n=1, cutoff=0.5 if len(word) <= 3 else 0.6)), None)
+
+
+def did_you_mean(word: str, known: Sequence[str], otherwise: str) -> str:
+    """``did you mean …?``, or what is known if nothing is alike."""
+    near = nearest(word, known)
+    return f"did you mean {quoted(near)}?" if near else otherwise
 
 
 def one_line(text: str) -> str:

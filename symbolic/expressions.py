@@ -15,10 +15,12 @@ from functools import lru_cache
 import sympy
 from flint import arb
 
-from symbolic.constants import FUNCTION_BALLS, LARGEST, as_fraction, as_rational, enclose
-from symbolic.errors import Where, nearest, quoted, shown
+from symbolic import messages
+from symbolic.constants import FUNCTION_BALLS, LARGEST, LARGEST_EXPONENT, as_fraction, as_rational, enclose
+from symbolic.errors import InputError, Problem, Where, did_you_mean, quoted, shown
 from symbolic.grammar import CONSTANTS, Call, ExpressionError, Name, Negative, Node, Number, Power, Product, Sum, parse
 from symbolic.guards import Guard, of_denominator, of_function, of_power
+from symbolic.messages import Reason
 from symbolic.plant import symbol
 from symbolic.rational_value import folded
 from symbolic.size import MAX_EXPONENT, MAX_ROOT, MAX_ROOT_BITS, Size, size_of_power, size_of_product, size_of_sum
@@ -41,7 +43,9 @@ class Written:
     guards: tuple[Guard, ...] = ()
 
 
-def parse_expression(text: str, names: Names, *, where: Where, refused: Mapping[str, str] | None = None) -> sympy.Expr:
+def parse_expression(
+    text: str, names: Names, *, where: Where, refused: Mapping[str, Reason] | None = None
+) -> sympy.Expr:
     """The expression in the declared names; a set of names stands for the symbols of those names.
 
     ``refused`` gives the reason why a name known elsewhere may not appear here. The result is made of sums, products,
@@ -51,42 +55,48 @@ def parse_expression(text: str, names: Names, *, where: Where, refused: Mapping[
     return parse_written(text, names, where=where, refused=refused).expr
 
 
-def parse_written(text: str, names: Names, *, where: Where, refused: Mapping[str, str] | None = None) -> Written:
+def parse_written(text: str, names: Names, *, where: Where, refused: Mapping[str, Reason] | None = None) -> Written:
     """``parse_expression`` with the guards of all parts of the text, innermost first."""
     values = names if isinstance(names, Mapping) else {name: symbol(name) for name in names}
     try:
-        bindings = []
+        bindings: list[tuple[str, sympy.Expr]] = []
+        unknown: list[Problem] = []
         for used in _names_of(text):
-            if used.name in _BUILT_IN:
-                bindings.append((used.name, _BUILT_IN[used.name]))
-                continue
-            if used.name not in values:
-                raise ExpressionError((refused or {}).get(used.name) or _unknown(used.name, values), used.column)
-            bindings.append((used.name, values[used.name]))
+            known = _BUILT_IN.get(used.name) or values.get(used.name)
+            if known is None:
+                reason = (refused or {}).get(used.name) or _unknown(used.name, values)
+                unknown += where.error(reason, used.column).problems
+            bindings.append((used.name, known))
+        if unknown:
+            raise InputError(*{problem.reason: problem for problem in reversed(unknown)}.values())
         return _evaluated(text, tuple(dict.fromkeys(bindings)))
     except ExpressionError as error:
         raise where.error(error.reason, error.column) from None
 
 
-def parse_constant(text: str, names: Mapping[str, sympy.Expr], *, where: Where) -> sympy.Expr:
+def parse_constant(
+    text: str, names: Mapping[str, sympy.Expr], *, where: Where, refused: Mapping[str, Reason] | None = None
+) -> sympy.Expr:
     """An exact, finite, real constant such as ``sqrt(2)/3`` in declared constants. Raises ``InputError``.
 
     One that only SymPy knows to be rational, such as ``sqrt(2)^2``, is refused (``symbolic.rational_value``).
     """
-    expr = parse_expression(text, names, where=where)
+    expr = parse_expression(text, names, where=where, refused=refused)
     if expr.free_symbols:
         found = ", ".join(sorted(str(name) for name in expr.free_symbols))
-        raise where.error(f"a constant is needed, {quoted(text)} depends on {found}")
+        raise where.error(messages.CONSTANT(text=quoted(text), names=found))
     if isinstance(expr, sympy.Rational) and _fraction_of(text, names) is None:
-        raise where.error(f"{quoted(text)} is the number {shown(as_fraction(expr))}; write it like that")
+        raise where.error(messages.PLAIN_NUMBER(text=quoted(text), value=shown(as_fraction(expr))))
     return expr
 
 
-def parse_number(text: str, names: Mapping[str, sympy.Expr], *, where: Where) -> Fraction:
+def parse_number(
+    text: str, names: Mapping[str, sympy.Expr], *, where: Where, refused: Mapping[str, Reason] | None = None
+) -> Fraction:
     """A rational constant in declared constants. Raises ``InputError``."""
-    expr = parse_constant(text, names, where=where)
+    expr = parse_constant(text, names, where=where, refused=refused)
     if not isinstance(expr, sympy.Rational):
-        raise where.error(f"a rational number is needed, {quoted(text)} is not shown to be one")
+        raise where.error(messages.RATIONAL(text=quoted(text)))
     return as_fraction(expr)
 
 
@@ -136,12 +146,10 @@ def _walk(node: Node) -> Iterator[Name]:
             yield from _walk(exponent)
 
 
-def _unknown(name: str, values: Mapping[str, sympy.Expr]) -> str:
-    near = nearest(name, [*values, *CONSTANTS])
-    if near:
-        return f"unknown name {quoted(name)}; did you mean {quoted(near)}?"
+def _unknown(name: str, values: Mapping[str, sympy.Expr]) -> Reason:
     known = ", ".join(sorted(values)[:20])
-    return f"unknown name {quoted(name)}; " + (f"known here: {known}" if known else "no names are known here")
+    otherwise = f"known here: {known}; declare others first" if known else "no names are known here"
+    return messages.UNKNOWN_NAME(name=quoted(name), hint=did_you_mean(name, [*values, *CONSTANTS], otherwise))
 
 
 def _measured(expr: sympy.Expr) -> _Value:
@@ -214,21 +222,18 @@ class _Builder:
         self.build(node)  # refuses what is no number before it is folded
         value = folded(node, self.fractions)
         if value is None:
-            raise ExpressionError(
-                "an exponent must be a rational constant such as 2 or 1/3 (a^p with another p is exp(p*log(a)))",
-                node.column,
-            )
+            raise ExpressionError(messages.EXPONENT(), node.column)
         if abs(value) > MAX_EXPONENT:
-            raise ExpressionError(f"an exponent must lie between -{MAX_EXPONENT} and {MAX_EXPONENT}", node.column)
+            raise ExpressionError(messages.EXPONENT_SIZE(most=MAX_EXPONENT), node.column)
         if value.denominator > MAX_ROOT:
-            raise ExpressionError(f"the denominator of an exponent must be at most {MAX_ROOT}", node.column)
+            raise ExpressionError(messages.EXPONENT_ROOT(most=MAX_ROOT), node.column)
         return value
 
 
 def _affordable(size: Size, node: Node) -> Size:
     excess = size.excess()
     if excess is not None:
-        raise ExpressionError(excess, node.column)
+        raise ExpressionError(messages.EXPANSION(what=excess[0], most=excess[1]), node.column)
     return size
 
 
@@ -237,19 +242,19 @@ def _checked(expr: sympy.Expr, size: Size, node: Node) -> _Value:
     if expr.free_symbols:
         return _Value(expr, size, None)
     if _height(expr) > MAX_HEIGHT:
-        raise ExpressionError("the constant is nested too deeply", node.column)
+        raise ExpressionError(messages.CONSTANT_NESTED(), node.column)
     ball = enclose(expr)
     if not ball.is_finite() or ball.abs_upper() > LARGEST:
-        raise ExpressionError("the constant is not a finite real number of reasonable size", node.column)
+        raise ExpressionError(messages.CONSTANT_SIZE(most=LARGEST_EXPONENT), node.column)
     return _Value(expr, size, ball)
 
 
 def _power(base: _Value, exponent: Fraction, node: Node) -> _Value:
     if exponent < 0 or (exponent == 0 and base.expr == 0):
         if base.expr == 0:
-            raise ExpressionError("division by zero" if exponent < 0 else "0 to the power 0", node.column)
+            raise ExpressionError(messages.DIVISION() if exponent < 0 else messages.ZERO_POWER(), node.column)
         if base.ball is not None and base.ball.contains(0):
-            raise ExpressionError("division by a constant that is not shown to be nonzero", node.column)
+            raise ExpressionError(messages.DIVISION_UNSHOWN(), node.column)
     if exponent.denominator == 1:
         size = _affordable(size_of_power(base.size, abs(exponent.numerator)), node)
         return _checked(sympy.Pow(base.expr, exponent.numerator), size, node)
@@ -261,23 +266,22 @@ def _power(base: _Value, exponent: Fraction, node: Node) -> _Value:
 
 def _reasonable_root(argument: _Value, node: Node) -> None:
     if any(_bits(number) > MAX_ROOT_BITS for number in argument.expr.atoms(sympy.Rational)):
-        raise ExpressionError(f"sqrt of a number with more than {MAX_ROOT_BITS} bits", node.column)
+        raise ExpressionError(messages.ROOT_BITS(most=MAX_ROOT_BITS), node.column)
 
 
 def _smooth(result: sympy.Expr, what: str, node: Node) -> sympy.Expr:
     """What SymPy made of a function or root, if it is still in the language."""
     for part in sympy.preorder_traversal(result):
         if part in (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I):
-            raise ExpressionError(f"{what} is not a finite real number", node.column)
+            raise ExpressionError(messages.NOT_REAL(what=what), node.column)
         if part.func not in _HEADS and not isinstance(part, _ATOMS):
-            reason = f"{what} becomes {part.func.__name__}, not a smooth function of the language"
-            raise ExpressionError(reason, node.column)
+            raise ExpressionError(messages.NOT_SMOOTH(what=what, found=part.func.__name__), node.column)
     return result
 
 
 def _call(function: str, argument: _Value, node: Node) -> _Value:
     if function == "exp" and argument.expr.has(sympy.log):
-        raise ExpressionError("log inside exp; write the power instead", node.column)
+        raise ExpressionError(messages.LOG_IN_EXP(), node.column)
     if function == "sqrt":
         _reasonable_root(argument, node)
     result = _smooth(_FUNCTIONS[function](argument.expr), f"{function} of this argument", node)

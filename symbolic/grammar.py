@@ -15,7 +15,9 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 
+from symbolic import messages
 from symbolic.errors import quoted
+from symbolic.messages import Reason
 
 FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "atan", "sinh", "cosh")
 CONSTANTS = ("pi",)
@@ -24,7 +26,7 @@ MAX_LENGTH = 10_000
 MAX_DEPTH = 24
 MAX_NODES = 2_000
 MAX_DIGITS = 1_000
-MAX_DECIMAL_EXPONENT = 400
+MAX_DECIMAL_EXPONENT = 300  # beyond it no float holds the number, and floats search
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 NUMBER = re.compile(r"(?P<whole>[0-9]*)(?:\.(?P<part>[0-9]*))?(?:[eE](?P<exponent>[+-]?[0-9]+))?")
@@ -38,10 +40,18 @@ _TOKEN = re.compile(
 class ExpressionError(Exception):
     """Why a text is not an expression, and the column (from 1) at which that shows."""
 
-    def __init__(self, reason: str, column: int) -> None:
+    def __init__(self, reason: Reason, column: int) -> None:
         super().__init__(reason)
         self.reason = reason
         self.column = column
+
+
+class NumberError(ValueError):
+    """Why a text is not a number that can be read."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(reason)
+        self.reason = reason
 
 
 @dataclass(frozen=True)
@@ -96,22 +106,48 @@ Node = Number | Name | Negative | Sum | Product | Power | Call
 def parse(text: str) -> Node:
     """The syntax tree of the text. Raises ``ExpressionError``."""
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"the expression has {len(text)} characters, more than {MAX_LENGTH}", MAX_LENGTH + 1)
+        raise ExpressionError(messages.TOO_LONG(found=len(text), most=MAX_LENGTH), MAX_LENGTH + 1)
     return _Parser(text).parse()
 
 
 def decimal(text: str) -> Fraction:
-    """The exact value of an unsigned integer or decimal such as ``12``, ``0.1`` or ``1e-3``. Raises ``ValueError``."""
+    """The exact value of an unsigned integer or decimal such as ``12``, ``0.1`` or ``1e-3``. Raises ``NumberError``."""
     match = NUMBER.fullmatch(text)
     if match is None or not (match["whole"] or match["part"]):
-        raise ValueError("not a number")
+        raise NumberError(messages.NO_NUMBER())
     part, exponent = match["part"] or "", match["exponent"] or "0"
     digits = match["whole"] + part
     if len(digits) > MAX_DIGITS:
-        raise ValueError(f"the number has {len(digits)} digits, more than {MAX_DIGITS}")
+        raise NumberError(messages.DIGITS(found=len(digits), most=MAX_DIGITS))
     if len(exponent.lstrip("+-")) > 6 or abs(int(exponent)) > MAX_DECIMAL_EXPONENT:
-        raise ValueError(f"the number's exponent is beyond {MAX_DECIMAL_EXPONENT}")
+        raise NumberError(messages.EXPONENT_OF_TEN(most=MAX_DECIMAL_EXPONENT))
     return Fraction(int(digits)) * Fraction(10) ** (int(exponent) - len(part))
+
+
+_LOOKALIKES = {
+    "\u2212": "; write the minus sign of the keyboard",
+    "\u00d7": "; a product is written with *",
+    "\u00b7": "; a product is written with *",
+    "\u00b2": "; write ^2",
+    "\u00b3": "; write ^3",
+    "\u03c0": "; write pi",
+    "[": "; use parentheses",
+    "{": "; use parentheses",
+    ",": "; decimals have a point, and functions one argument",
+    "=": "; the value is an expression, not an equation",
+    "'": "; derivatives are not written: order = n makes x2 = x1' and so on",
+    "%": "; write /100",
+    "|": "; an absolute value is not smooth, sqrt(1/100 + x^2) may do",
+}
+_OTHER_NAMES = {"ln": "log", "log10": "log(x)/log(10)", "arctan": "atan", "abs": "sqrt(1/100 + x^2), which is smooth"}
+_OTHER_NAMES |= {"pow": "x^p", "sec": "1/cos(x)", "cot": "cos(x)/sin(x)", "sign": "tanh(100*x), which is smooth"}
+_OTHER_NAMES |= {"sgn": _OTHER_NAMES["sign"], "cbrt": "x^(1/3)", "square": "x^2", "sigmoid": "1/(1 + exp(-x))"}
+
+
+def _unknown_function(name: str) -> Reason:
+    other = _OTHER_NAMES.get(name.lower())
+    known = ", ".join(FUNCTIONS)
+    return messages.FUNCTION(name=quoted(name), known=known + (f"; write {other}" if other else ""))
 
 
 @dataclass(frozen=True)
@@ -132,7 +168,10 @@ def _tokens(text: str) -> list[_Token]:
             return tokens
         match = _TOKEN.match(text, position)
         if match is None:
-            raise ExpressionError(f"unexpected character {quoted(text[position])}", position + 1)
+            found = text[position]
+            raise ExpressionError(
+                messages.CHARACTER(found=quoted(found), hint=_LOOKALIKES.get(found, "")), position + 1
+            )
         tokens.append(_Token(str(match.lastgroup), match.group(), position + 1))
         position = match.end()
 
@@ -147,7 +186,12 @@ class _Parser:
     def parse(self) -> Node:
         node = self.sum()
         if self.token.kind != "end":
-            raise ExpressionError(f"expected an operator, found {quoted(self.token.text)}", self.token.column)
+            hint = (
+                "; a product is written with *"
+                if self.token.kind in ("name", "number") or self.token.text == "("
+                else ""
+            )
+            raise ExpressionError(messages.OPERATOR(found=quoted(self.token.text), hint=hint), self.token.column)
         return node
 
     @property
@@ -162,13 +206,13 @@ class _Parser:
     def count(self, column: int) -> int:
         self.nodes += 1
         if self.nodes > MAX_NODES:
-            raise ExpressionError(f"the expression has more than {MAX_NODES} operands and operators", column)
+            raise ExpressionError(messages.TOO_MANY_PARTS(most=MAX_NODES), column)
         return column
 
     def enter(self) -> None:
         self.depth += 1
         if self.depth > MAX_DEPTH:
-            raise ExpressionError(f"the expression is nested deeper than {MAX_DEPTH}", self.token.column)
+            raise ExpressionError(messages.NESTED(most=MAX_DEPTH), self.token.column)
 
     def sum(self) -> Node:
         column = self.token.column
@@ -215,22 +259,21 @@ class _Parser:
         if token.kind == "number":
             try:
                 return Number(decimal(token.text), token.column)
-            except ValueError as error:
-                raise ExpressionError(str(error), token.column) from None
+            except NumberError as error:
+                raise ExpressionError(error.reason, token.column) from None
         if token.text == "(":
             return self.group()
         if token.kind == "name" and self.token.text == "(":
             if token.text not in FUNCTIONS:
-                reason = f"unknown function {quoted(token.text)}; known: {', '.join(FUNCTIONS)}"
-                raise ExpressionError(reason, token.column)
+                raise ExpressionError(_unknown_function(token.text), token.column)
             self.take()
             return Call(token.text, self.group(), token.column)
         if token.kind == "name":
             if token.text in FUNCTIONS:
-                raise ExpressionError(f"the function {token.text} needs an argument in parentheses", token.column)
+                raise ExpressionError(messages.ARGUMENT(name=token.text), token.column)
             return Name(token.text, token.column)
         found = "the end" if token.kind == "end" else quoted(token.text)
-        raise ExpressionError(f"expected a number, a name or '(', found {found}", token.column)
+        raise ExpressionError(messages.OPERAND(found=found), token.column)
 
     def group(self) -> Node:
         self.enter()
@@ -238,6 +281,6 @@ class _Parser:
         self.depth -= 1
         if self.token.text != ")":
             found = "the end" if self.token.kind == "end" else quoted(self.token.text)
-            raise ExpressionError(f"expected ')', found {found}", self.token.column)
+            raise ExpressionError(messages.PARENTHESIS(found=found), self.token.column)
         self.take()
         return node

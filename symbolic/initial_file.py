@@ -2,32 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from functools import partial
 
-from symbolic.errors import nearest, quoted
+from symbolic import messages
+from symbolic.errors import Where, did_you_mean, nearest, quoted
+from symbolic.interval import Interval
+from symbolic.messages import Reason
 from symbolic.names import Scope
-from symbolic.plant import Agent, InitialBox, Interval
-from symbolic.tables import Table, array, interval, is_interval
+from symbolic.plant import Agent, InitialBox
+from symbolic.tables import Table, Value, array, interval, is_interval
 
 MEASURED = "measured"
+KEYS = ("box", "z", "x", "eta", "observer", "reference")
 
-_KEYS = ("box", "z", "x", "eta", "observer", "reference")
+POINT = Interval(Fraction(0), Fraction(0))
 
 
 class InitialTable:
-    """``box`` is the default for ``z, x, eta, observer, reference``.
+    """``box`` is the default for ``z, x, eta, observer, reference`` (docs/plant-file.md, section 3).
 
     ``z``, ``x`` and ``observer`` hold one number or interval for all components, an array of one interval ``[lo, hi]``
     per component, or a table by component; a component that the table leaves out takes ``box``.
     """
 
-    def __init__(self, table: Table) -> None:
-        table.allow(_KEYS)
+    def __init__(self, table: Table, refused: Mapping[str, Reason]) -> None:
+        """``refused`` gives the reason why a name that is known elsewhere is not known here."""
+        table.allow(KEYS)
         self.table = table
+        self.refused = refused
 
-    def box_of(self, order: int, zero_states: Sequence[str], scope: Scope) -> InitialBox:
-        """The box of an agent of this order with these zero states. Raises ``InputError``."""
-        chain = [f"x{k}" for k in range(1, order + 1)]
+    def box_of(self, order: int | None, zero_states: Sequence[str], scope: Scope) -> InitialBox:
+        """The box of an agent of this order (of no chain, if that is not known) with these zero states.
+
+        Raises ``InputError``.
+        """
+        chain = [f"x{k}" for k in range(1, (order or 0) + 1)]
         measured = self._is_measured()
         return InitialBox(
             z=self._components("z", zero_states, scope),
@@ -40,27 +51,27 @@ class InitialTable:
     def check(self, agents: Iterable[Agent], scope: Scope) -> None:
         """Refuses a component that no agent has, and faults in entries that no agent used."""
         if "box" in self.table:
-            interval(self.table.entries["box"], self.table.at("box"), scope.constants)
+            self._interval(self.table.entries["box"], self.table.at("box"), scope)
         agents = list(agents)
         chain = sorted({str(state) for agent in agents for state in agent.chain}, key=lambda name: int(name[1:]))
         zero = sorted({str(state) for agent in agents for state in agent.zero_states})
         for key, names in (("z", zero), ("x", chain), ("observer", chain)):
             if isinstance(self.table.entries.get(key), dict):
-                self.table.table(key, names)
+                self.table.table(key).allow(names, partial(_no_state, names))
             elif key in self.table and not names:
-                interval(self.table.entries[key], self.table.at(key), scope.constants)
+                self._interval(self.table.entries[key], self.table.at(key), scope)
 
     def _is_measured(self) -> bool:
         value = self.table.entries.get("observer")
         if isinstance(value, str) and value != MEASURED and nearest(value, [MEASURED]):
-            raise self.table.at("observer").error(f"unknown word {quoted(value)}; did you mean {quoted(MEASURED)}?")
+            raise self.table.at("observer").error(messages.MEASURED(word=quoted(value)))
         return value == MEASURED
 
     def _one(self, key: str, scope: Scope) -> Interval:
         used = key if key in self.table else "box"
         if used not in self.table:
-            raise self.table.at(key).error("missing, and there is no initial.box to stand for it")
-        return interval(self.table.entries[used], self.table.at(used), scope.constants)
+            raise self.table.at(key).error(messages.NO_BOX())
+        return self._interval(self.table.entries[used], self.table.at(used), scope)
 
     def _components(self, key: str, names: Sequence[str], scope: Scope) -> tuple[Interval, ...]:
         if not names:
@@ -68,22 +79,30 @@ class InitialTable:
         value, where = self.table.entries.get(key), self.table.at(key)
         if isinstance(value, dict):
             return tuple(
-                interval(value[name], where.at(name), scope.constants)
+                self._interval(value[name], where.at(name), scope)
                 if name in value
-                else self._default(key, name, scope)
+                else self._default(where.at(name), scope)
                 for name in names
             )
         if isinstance(value, list) and not is_interval(value):
             entries = array(value, where)
             if len(entries) != len(names):
-                raise where.error(f"one interval for each of {', '.join(names)} is needed, found {len(entries)}")
+                raise where.error(messages.COMPONENTS(names=", ".join(names), found=len(entries)))
             for k, entry in enumerate(entries, 1):
                 if not is_interval(entry):
-                    raise where.at(k).error("an interval is a pair [lo, hi]; write [1, 1] for a point")
-            return tuple(interval(entry, where.at(k), scope.constants) for k, entry in enumerate(entries, 1))
+                    raise where.at(k).error(messages.PAIR())
+            return tuple(self._interval(entry, where.at(k), scope) for k, entry in enumerate(entries, 1))
         return (self._one(key, scope),) * len(names)
 
-    def _default(self, key: str, name: str, scope: Scope) -> Interval:
+    def _default(self, where: Where, scope: Scope) -> Interval:
         if "box" not in self.table:
-            raise self.table.at(key).at(name).error("missing, and there is no initial.box to stand for it")
-        return interval(self.table.entries["box"], self.table.at("box"), scope.constants)
+            raise where.error(messages.NO_BOX())
+        return self._interval(self.table.entries["box"], self.table.at("box"), scope)
+
+    def _interval(self, value: Value, where: Where, scope: Scope) -> Interval:
+        return where.attempt(partial(interval, value, where, scope.constants, self.refused), POINT)
+
+
+def _no_state(names: Sequence[str], name: str) -> Reason:
+    known = f"the states are {', '.join(names)}" if names else "leave this out"
+    return messages.NO_STATE(name=quoted(name), hint=did_you_mean(name, names, known))

@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import partial
 
 import sympy
 
+from symbolic import messages
 from symbolic.errors import Where, quoted
 from symbolic.grammar import CONSTANTS, FUNCTIONS, NAME
 from symbolic.plant import COST_VARIABLE, symbol
@@ -15,6 +18,8 @@ from symbolic.tables import Table, Value, constant, kind
 
 MAX_NAME = 40
 MAX_IRRATIONAL = 48
+# stands in for a constant that could not be read, so that what uses it is not refused as well; no plant is made of it
+STAND_IN = sympy.Rational(*Fraction("1.000003000019").as_integer_ratio())
 
 _CHAIN = re.compile(r"x[0-9]+")
 
@@ -31,23 +36,32 @@ class Scope:
     def with_constants(self, table: Table, *, most: int) -> Scope:
         """The scope with the table's constants; each may use the earlier ones."""
         if len(table.entries) > most:
-            raise table.where.error(f"{len(table.entries)} constants, more than {most}")
+            table.where.report(messages.TOO_MANY(count=len(table.entries), what="constants", most=most))
+            return self
         constants = dict(self.constants)
+        later = {name: messages.COMES_LATER(name=name) for name in table.entries}
         for name, value in table.entries.items():
-            self._check_new(name, table.at(name), constants)
-            constants[name] = constant(value, table.at(name), constants)
+            where = table.at(name)
+            later.pop(name)
+            if self._is_new(name, where, constants):
+                constants[name] = where.attempt(partial(constant, value, where, constants, later), STAND_IN)
         if sum(not isinstance(value, sympy.Rational) for value in constants.values()) > MAX_IRRATIONAL:
-            raise table.where.error(f"more than {MAX_IRRATIONAL} constants that are not rational")
+            table.where.report(messages.IRRATIONAL(most=MAX_IRRATIONAL))
         return replace(self, constants=constants)
 
     def with_id(self, number: int) -> Scope:
         return replace(self, constants={**self.constants, "id": sympy.Integer(number)})
 
     def with_state(self, name: Value, where: Where, role: str) -> Scope:
-        """The scope with a state or parameter: role is ``an exosystem state``, ``a zero state`` or ``a parameter``."""
+        """The scope with a state or parameter: role is ``an exosystem state``, ``a zero state`` or ``a parameter``.
+
+        A name that cannot be declared is reported, and the scope is as it was.
+        """
         if not isinstance(name, str):
-            raise where.error(f"a name is needed, found {kind(name)}")
-        self._check_new(name, where, self.constants)
+            where.report(messages.NAME(found=kind(name)))
+            return self
+        if not self._is_new(name, where, self.constants):
+            return self
         if role == "an exosystem state":
             return replace(self, exosystem=(*self.exosystem, name))
         if role == "a zero state":
@@ -58,12 +72,10 @@ class Scope:
         """What an expression sees: the constants and the symbols of the given names."""
         return {**self.constants, **{name: symbol(name) for name in symbols}}
 
-    def _check_new(self, name: str, where: Where, constants: Mapping[str, sympy.Expr]) -> None:
+    def _is_new(self, name: str, where: Where, constants: Mapping[str, sympy.Expr]) -> bool:
         if not NAME.fullmatch(name) or len(name) > MAX_NAME:
-            raise where.error(
-                f"{quoted(name)} is not a name: an ASCII letter, then at most {MAX_NAME - 1} letters, "
-                "digits or underscores"
-            )
+            where.report(messages.NOT_A_NAME(name=quoted(name), most=MAX_NAME - 1), on_key=True)
+            return False
         roles = {
             "a function": FUNCTIONS,
             "the number 3.14159...": CONSTANTS,
@@ -74,8 +86,9 @@ class Scope:
             "a parameter": self.parameters,
             "a constant": constants,
         }
-        for role, names in roles.items():
-            if name in names:
-                raise where.error(f"the name {quoted(name)} is taken: it is {role}")
-        if _CHAIN.fullmatch(name):
-            raise where.error(f"the name {quoted(name)} is taken: x1, x2, ... are the states of the chain")
+        role = next((f"it is {role}" for role, names in roles.items() if name in names), None)
+        if role is None and _CHAIN.fullmatch(name):
+            role = "x1, x2, ... are the states of the chain"
+        if role is not None:
+            where.report(messages.NAME_TAKEN(name=quoted(name), role=role), on_key=True)
+        return role is None

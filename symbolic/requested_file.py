@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import sympy
 
+from symbolic import messages
 from symbolic.errors import Where, nearest, quoted, shown
 from symbolic.plant import CoordinatorChoice, Implementation, RequestedGains, Requirements, Settling
-from symbolic.tables import Table, Value, interval, number, positive
+from symbolic.tables import Table, Value, interval, not_negative, positive
 
 Constants = Mapping[str, sympy.Expr]
 
@@ -41,16 +43,15 @@ def keys_of(kind: type) -> tuple[str, ...]:
 def read_requested(root: Table, agents: int, constants: Constants) -> Requested:
     """The four tables of a plant file with this many agents. Raises ``InputError``."""
     table = root.table("coordinator", keys_of(CoordinatorChoice))
-    entries = {key: _number(value, table.at(key), key, constants) for key, value in table.entries.items()}
+    entries = _entries(table, constants)
     if "period" in table and "implementation" not in root:
-        raise table.at("period").error(
-            "only a sampled controller has one; add [implementation] with its period, or leave this out"
-        )
+        table.at("period").report(messages.PERIOD_ALONE(), on_key=True)
     gains = _by_agent(root.table("gains"), keys_of(RequestedGains), agents, constants)
     asked = _by_agent(root.table("requirements"), keys_of(Requirements), agents, constants)
     run = _by_agent(root.table("implementation"), keys_of(Implementation), agents, constants)
     if "implementation" in root and not all("period" in entry for entry in run):
-        raise root.at("implementation").at("period").error('missing; for example period = "1/1000" (seconds)')
+        example = 'period = "1/1000" (seconds)'
+        raise root.at("implementation").at("period").error(messages.MISSING(example=example))
     return Requested(
         CoordinatorChoice(**entries),
         tuple(RequestedGains(**entry) for entry in gains) if any(gains) else (),
@@ -66,10 +67,11 @@ def _by_agent(table: Table, keys: tuple[str, ...], agents: int, constants: Const
     for key, value in table.entries.items():
         if key.isascii() and key.isdigit():
             if len(key) > 9 or not 1 <= int(key) <= agents:
-                raise table.at(key).error(f"there is no agent {quoted(key)}; agents are 1 to {agents}")
-            if str(int(key)) != key:
-                raise table.at(key).error(f"write {int(key)} without leading zeros")
-            own[int(key)] = _entries(Table(value, table.at(key), keys), constants)
+                table.at(key).report(messages.NO_AGENT(number=quoted(key), most=agents), on_key=True)
+            elif str(int(key)) != key:
+                table.at(key).report(messages.LEADING_ZEROS(number=int(key)), on_key=True)
+            else:
+                own[int(key)] = _entries(table.table(key, keys), constants)
         else:
             shared[key] = value
     common = _entries(Table(shared, table.where, keys), constants)
@@ -77,21 +79,26 @@ def _by_agent(table: Table, keys: tuple[str, ...], agents: int, constants: Const
 
 
 def _entries(table: Table, constants: Constants) -> dict[str, Any]:
-    return {key: _entry(value, table.at(key), key, constants) for key, value in table.entries.items()}
+    """What could be read; the rest is noted."""
+    read = {
+        key: table.at(key).attempt(partial(_entry, value, table.at(key), key, constants), None)
+        for key, value in table.entries.items()
+    }
+    return {key: value for key, value in read.items() if value is not None or key == "period"}
 
 
 def _entry(value: Value, where: Where, key: str, constants: Constants) -> Any:
     if key == "settling":
         table = Table(value, where, keys_of(Settling))
-        time, band = (
-            _number(table.need(part, 'settling = { time = 10, band = "1/100" }'), table.at(part), part, constants)
-            for part in keys_of(Settling)
-        )
-        return Settling(time, band)
+        parts = keys_of(Settling)
+        example = 'settling = { time = 10, band = "1/100" }'
+        read = [table.read(part, example, partial(_number, key=part, constants=constants), None) for part in parts]
+        known = [number for number in read if number is not None]
+        return Settling(*known) if known == read else None
     if key == "delay":
         delay = interval(value, where, constants)
         if delay.lo < 0:
-            raise where.error(f"a delay is not negative, found {shown(delay.lo)}")
+            raise where.error(messages.NOT_NEGATIVE(found=shown(delay.lo)))
         return delay
     if key in WORDS:
         return _word(value, where, WORDS[key])
@@ -103,13 +110,8 @@ def _word(value: Value, where: Where, words: tuple[str, ...]) -> str:
         return str(value)
     listed = " or ".join(f'"{word}"' for word in words)
     near = nearest(value, words) if isinstance(value, str) else None
-    raise where.error(f"{listed} is needed" + (f"; did you mean {quoted(near)}?" if near else ""))
+    raise where.error(messages.WORD(words=listed, hint=f"; did you mean {quoted(near)}?" if near else ""))
 
 
 def _number(value: Value, where: Where, key: str, constants: Constants) -> Fraction:
-    if key not in MAY_BE_ZERO:
-        return positive(value, where, constants)
-    exact = number(value, where, constants)
-    if exact < 0:
-        raise where.error(f"a number that is not negative is needed, found {shown(exact)}")
-    return exact
+    return (not_negative if key in MAY_BE_ZERO else positive)(value, where, constants)

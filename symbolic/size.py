@@ -22,15 +22,15 @@ class Size:
     terms: int
     bits: int
 
-    def excess(self) -> str | None:
-        """The bound that is passed, in words; ``None`` if none is."""
+    def excess(self) -> tuple[str, int] | None:
+        """What is too large, and the bound that it passes; ``None`` if nothing is."""
         for value, bound, what in (
             (self.degree, MAX_DEGREE, "degree"),
             (self.terms, MAX_TERMS, "number of expanded terms"),
             (self.bits, MAX_BITS, "number of bits of the coefficients"),
         ):
             if value > bound:
-                return f"the expression is too large: its {what} may pass {bound}"
+                return what, bound
         return None
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from symbolic.errors import InputError
 from symbolic.plant import Plant
 from symbolic.plant_file import parse_plant
 
+POSITION = re.compile(r"p\.toml(?::([1-9][0-9]*):([1-9][0-9]*))?: ")
 BASE = """
 schema = "consensus-plant/1"
 name = "two"
@@ -79,10 +82,14 @@ def read(text: str) -> Plant:
 def refusal(text: str | bytes) -> str:
     with pytest.raises(InputError) as caught:
         parse_plant(text if isinstance(text, bytes) else text.encode(), "p.toml")
-    message = str(caught.value)
-    assert message.isprintable()
-    assert message.startswith("p.toml: ")
-    return message.removeprefix("p.toml: ")
+    """The lines of the refusal, each without file and position."""
+    lines = []
+    for line in caught.value.lines:
+        assert line.isprintable()
+        match = POSITION.match(line)
+        assert match is not None, line
+        lines.append(line[match.end() :])
+    return "\n".join(lines)
 
 
 def changed(old: str, new: str, base: str = BASE) -> str:

@@ -147,7 +147,7 @@ def test_unreadable_plant_is_one_line_and_writes_nothing(
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (b"", "schema: missing"),
+        (b"", "schema: missing, the file is empty"),
         (b"\xff\xfe", "UTF-8"),
         (b"schema = ", "not valid TOML"),
         (TWO_AGENTS.replace("p*x1", "p*x1 +").encode(), "agent[1].f: column"),

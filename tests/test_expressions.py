@@ -18,7 +18,7 @@ from symbolic.expressions import parse_constant, parse_expression, parse_number
 from symbolic.grammar import FUNCTIONS, MAX_DEPTH, MAX_LENGTH, MAX_NODES
 from symbolic.plant import symbol
 
-WHERE = Where("plant.toml", "agent[1].f")
+WHERE = Where("plant.toml").at("agent").at(1).at("f")
 X, Y = symbol("x1"), symbol("x2")
 
 
@@ -246,8 +246,8 @@ def test_nothing_but_the_language_gets_through(text: str) -> None:
         ("exp(1000000000*log(2))", "log inside exp"),
         ("exp(1000000000*log(x1))", "log inside exp"),
         ("9" * 1001, "digits, more than 1000"),
-        ("1e401", "the number's exponent is beyond 400"),
-        ("1e-999999999999999999999", "the number's exponent is beyond 400"),
+        ("1e401", "the number's exponent is beyond 300"),
+        ("1e-999999999999999999999", "the number's exponent is beyond 300"),
         ("x1*(" + "9" * 900 + ")^8", "coefficients may pass"),
         ("sqrt(" + "7" * 400 + ")", "sqrt of a number with more than 1024 bits"),
         ("+".join(["1"] * (MAX_NODES + 1)), "more than 2000 operands"),
@@ -268,8 +268,8 @@ def test_cost_is_bounded_before_anything_is_computed(text: str, message: str) ->
         "(x1 + 1)**64",
         "x1^64*x2^64",
         "9" * 1000,
-        "1e400",
-        "1e-400",
+        "1e300",
+        "1e-300",
         "+".join(["x1"] * (MAX_NODES // 2)),
         "(1 + sqrt(2))**64",
         "sin(" * MAX_DEPTH + "x1" + ")" * MAX_DEPTH,

@@ -41,9 +41,9 @@ REFUSED = [
     ('"2 -> 1", 0.1', '"2 -> 1", inf', "network.edges[2]: a finite number is needed, found inf"),
     ('["1 -> 2", ["2 -> 1", 0.1]]', '"1 -> 2"', "network.edges: an array is needed, found a string"),
     ('theta = "4/5"', 'theta = "4/5 + beta"', "constants.theta: column 7: unknown name 'beta'"),
-    ('theta = "4/5"', 'theta = "A"', "constants.theta: column 1: unknown name 'A'"),
+    ('theta = "4/5"', 'theta = "A"', "constants.theta: column 1: 'A' is declared further down"),
     ('theta = "4/5"', 'theta = "log(0)"', "constants.theta: column 1: log of this argument is not"),
-    ('theta = "4/5"', 'theta = "1/(A1 - 11)"', "constants.theta: column 4: unknown name 'A1'"),
+    ('theta = "4/5"', 'theta = "1/(A1 - 11)"', "constants.theta: column 4: 'A1' is declared further down"),
     ('theta = "4/5"', "theta = nan", "constants.theta: a finite number is needed, found nan"),
     ('theta = "4/5"', "theta = false", "constants.theta: a number or a string with an"),
     ('theta = "4/5"', "theta = 1979-05-27", "found a date or time"),
@@ -70,14 +70,18 @@ REFUSED = [
     ("box = [-1, 1]", "box = [1, -1]", "initial.box: the interval [1, -1] is empty"),
     ("box = [-1, 1]", "box = 1\nx = [[1, 1], [1, 1], [1, 1]]", "initial.x: one interval for each of x1, x2 is"),
     ("box = [-1, 1]", "box = 1\nx = [1, [1, 1]]", "initial.x[1]: an interval is a pair [lo, hi]; write [1, 1]"),
-    ("box = [-1, 1]", "box = 1\nx = { x3 = 1 }", "initial.x: unknown key 'x3'"),
-    ("box = [-1, 1]", "box = 1\nz = { z1 = 'A1*k' }", "initial.z.z1: column 4: unknown name 'k'"),
+    ("box = [-1, 1]", "box = 1\nx = { x3 = 1 }", "initial.x: no agent has a state 'x3'"),
+    (
+        "box = [-1, 1]",
+        "box = 1\nz = { z1 = 'A1*k' }",
+        "initial.z.z1: column 4: 'k' is a constant of one [[agent]] table",
+    ),
     ("box = [-1, 1]", 'box = 1\nobserver = "exact"', "initial.observer: column 1: unknown name 'exact'"),
     ("box = [-1, 1]", "box = 1\nzeta = 0", "initial: unknown key 'zeta'; did you mean 'eta'?"),
     ("reference = 0", "reference = { x1 = 0 }", "initial.reference: a number or a string with an expression is needed"),
     ("[[agent]]", "[agent]", "agent: agents are given as [[agent]] tables, with two brackets"),
     ("ids = [1, 2]", "", "agent[1].ids: missing; for example ids = [1, 2]"),
-    ("box = [-1, 1]", 'box = [-1, 1]\nobserver = "mesured"', "unknown word 'mesured'; did you mean 'measured'?"),
+    ("box = [-1, 1]", 'box = [-1, 1]\nobserver = "mesured"', "unknown word 'mesured'; did you mean \"measured\"?"),
     ("ids = [1, 2]", "ids = [1]", "agent: agent 2 has no [[agent]] table"),
     ("ids = [1, 2]", "ids = [1, 2, 1]", "agent[1].ids: 3 entries, more than 2"),
     ("ids = [1, 2]", "ids = [1, 1]", "agent[1].ids: agent 1 is described twice"),
@@ -90,7 +94,7 @@ REFUSED = [
     ("ids = [1, 2]", "id = [1, 2]", "agent[1]: unknown key 'id'; did you mean 'ids'?"),
     ("order = 2", "order = 17", "agent[1].order: an integer from 1 to 16 is needed"),
     ("order = 2", "order = 0", "agent[1].order: an integer from 1 to 16 is needed"),
-    ("order = 2", "order = 1", "agent[1].f: column 10: unknown name 'x2'"),
+    ("order = 2", "order = 1", "agent[1].f: column 10: 'x2' may not appear here: order = 1, so the states are x1"),
     ("order = 2", "ordr = 2", "agent[1]: unknown key 'ordr'; did you mean 'order'?"),
     (
         '{ z1 = "p1*z1 + x1 + A1*v1" }',
@@ -102,7 +106,11 @@ REFUSED = [
     ('{ z1 = "p1*z1 + x1 + A1*v1" }', '{ z1 = ["x1"] }', "a string with an expression is needed, found an array"),
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', '"p2*z1*x1*x2 + k*x2 + A*v3"', "agent[1].f: column 24: unknown name 'v3'; did you"),
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', '"x2 + s"', "agent[1].f: column 6: 's' may not appear here: f depends"),
-    ('"p2*z1*x1*x2 + k*x2 + A*v2"', '"x2 + u"', "agent[1].f: column 6: unknown name 'u'"),
+    (
+        '"p2*z1*x1*x2 + k*x2 + A*v2"',
+        '"x2 + u"',
+        "agent[1].f: column 6: 'u' may not appear here: the input enters as b*u",
+    ),
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', "\"__import__('os').system('x')\"", "agent[1].f: column 1: unexpected character"),
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', '"x2**x1"', "agent[1].f: column 5: an exponent must be a rational constant"),
     ('"p2*z1*x1*x2 + k*x2 + A*v2"', "true", "agent[1].f: a number or a string with an expression is needed"),
@@ -137,7 +145,7 @@ REFUSED = [
     ("K = 40000", "k = 40000", "gains: unknown key 'k'; known keys: g, K, delta, h"),
     ("K = 40000", "K = -1", "gains.K: a positive number is needed, found -1"),
     ("K = 40000", "K = []", "gains.K: a number or a string with an expression is needed, found an array"),
-    ("K = 40000", "K = 1e999", "gains.K: the number's exponent is beyond 400"),
+    ("K = 40000", "K = 1e999", "gains.K: the number's exponent is beyond 300"),
     ("K = 40000", f"K = 0x{'f' * 2000}", "gains.K: the integer has more than 4000 bits"),
     ("K = 40000", f'K = "-{"9" * 900}"', "gains.K: a positive number is needed, found a rational number of"),
 ]
@@ -173,7 +181,7 @@ def test_an_agent_in_two_tables() -> None:
 
 
 def test_answers_about_zero_dynamics_need_zero_dynamics() -> None:
-    message = "agent[1].zero_dynamics_lyapunov: there are no zero dynamics"
+    message = "agent[1].zero_dynamics_lyapunov: there are no zero dynamics; leave this out"
     assert refusal(LONE + 'zero_dynamics_lyapunov = "1"') == message
     assert "agent[1].steady_state: unknown key 'z1'" in refusal(LONE + 'steady_state = { z1 = "s" }')
 
@@ -186,10 +194,10 @@ def test_an_initial_entry_that_no_agent_uses_is_read_all_the_same(line: str) -> 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"", "schema: missing"),
+        (b"", 'schema: missing, the file is empty; begin with schema = "consensus-plant/1"'),
         (b"schema = ", "not valid TOML: Invalid value"),
-        (b"a = 1\na = 2\nb = 3", "not valid TOML: Cannot overwrite a value (at line 2"),
-        (b"a = 1\nb = \xff", "line 2: the file is not UTF-8"),
+        (b"a = 1\na = 2\nb = 3", "not valid TOML: Cannot overwrite a value; a key is given once"),
+        (b"a = 1\nb = \xff", "the file is not UTF-8; save it as UTF-8"),
         (b"x = " + b"[" * 100_000, "the file is nested too deeply"),
         (b"x = " + b"{a = " * 100_000, "the file is nested too deeply"),
         (b"x = " + b"9" * 10_000, "not valid TOML"),
@@ -239,4 +247,7 @@ def test_a_thousand_agents_are_quick() -> None:
 def test_the_work_of_all_agents_together_is_bounded() -> None:
     text = changed("agents = 2", "agents = 1000").replace("ids = [1, 2]", 'ids = "1-1000"')
     text = text.replace("(s - id + 1)^2/4", "+".join(["(s - id)^2"] * 500))
-    assert refusal(text) == "agent: the expressions of all agents together have more than 5000000 characters"
+    assert (
+        refusal(text)
+        == "agent: the expressions of all agents together have more than 5000000 characters; name what is repeated"
+    )

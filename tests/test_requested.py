@@ -111,7 +111,10 @@ REFUSED = [
     ("[requirements]\nregion = ['largest']", 'requirements.region: "largest" is needed'),
     ("[implementation]\nnoise = 0", "implementation.period: missing; for example period ="),
     ("[implementation.1]\nperiod = 1", "implementation.period: missing"),
-    ("[implementation]\nperiod = 1\ndelay = [-1, 0]", "implementation.delay: a delay is not negative, found -1"),
+    (
+        "[implementation]\nperiod = 1\ndelay = [-1, 0]",
+        "implementation.delay: a number that is not negative is needed, found -1",
+    ),
     ("[implementation]\nperiod = 1\narithmetic = 'float'", 'implementation.arithmetic: "double" or "single" is needed'),
     ("[implementation]\nperiod = 1\nnoise = -1", "implementation.noise: a number that is not negative is needed"),
 ]

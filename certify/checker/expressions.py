@@ -38,7 +38,7 @@ MAX_ROOT = 64  # the denominator of an exponent
 MAX_BITS = 10_000
 LARGEST = 1 << MAX_BITS
 MAX_DIGITS = 1_000
-MAX_DECIMAL_EXPONENT = 400
+MAX_DECIMAL_EXPONENT = 300
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _DECIMAL = re.compile(r"([0-9]*)(?:\.([0-9]*))?(?:[eE]([+-]?[0-9]{1,6}))?")

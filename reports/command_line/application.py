@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code = app(args=given, prog_name="certify", standalone_mode=False)
     except InputError as error:
-        return _complain(str(error), BAD_INPUT)
+        return max([_complain(line, BAD_INPUT) for line in error.lines], default=BAD_INPUT)
     except typer.TyperException as error:
         return _complain(f"{error.format_message()} (see certify --help)", BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):

@@ -74,7 +74,7 @@ def naming(file: str) -> Iterator[None]:
     except InputError as error:
         if str(error).startswith(file):
             raise
-        raise InputError(f"{file}: {error}") from error
+        raise InputError(*(f"{file}: {line}" for line in error.lines)) from error
 
 
 def _exact(value: object) -> str:

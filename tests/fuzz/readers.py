@@ -125,7 +125,8 @@ def read(
         outcome = "accepted"
     except refusal as reason:
         outcome, result = "refused", str(reason)
-        if "\n" in str(reason) or len(str(reason)) > 2000:
+        lines = getattr(reason, "lines", (str(reason),))
+        if any("\n" in line or len(line) > 2000 for line in lines) or len(lines) > 51:
             outcome = "fault"
             tally.faults.append(
                 (f"{name}: a message of {len(str(reason))} characters, not one line: {str(reason)!r:.200}", given.data)
