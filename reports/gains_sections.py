@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 MATRIX_UP_TO = 9
 
 
-def gains_section(study: Study, certified: CertifiedGains | None) -> dict[str, Any] | None:
-    """The table of gains: those of the summary (with level and rate) or those of the certificate as read."""
+def gains_section(study: Study, certified: CertifiedGains | None, stands: bool) -> dict[str, Any] | None:
+    """The table of gains: those of the summary or those of the certificate as read; level and rate where it stands."""
     summary = None if study.gains is None else (study.gains.summary or {}).get("gains")
     if summary:
         entries: list[Mapping[str, Any]] = list(summary.get("agents") or ())
@@ -37,7 +37,10 @@ def gains_section(study: Study, certified: CertifiedGains | None) -> dict[str, A
         return None
     if not entries:
         return None
+    if not stands:
+        entries = [{key: entry[key] for key in entry if key not in ("level", "rate")} for entry in entries]
     return {
+        "bounded": stands,
         "shared": [f"alpha_{k} = {number(value)}" for k, value in enumerate(alphas, start=1) if value is not None],
         "requested": any(gains != RequestedGains() for gains in study.plant.gains),
         "table": tables.gains_table(entries),

@@ -34,9 +34,10 @@ NETWORK_SIZES = ((2, (4.4, 1.2)), (16, (5.4, 2.9)), (DRAWN_UP_TO, (6.4, 4.4)))  
 
 
 def document_data(study: Study) -> dict[str, Any]:
-    """Everything the templates show."""
+    """Everything the templates show. Of a certificate that does not stand, that is its gains and no bound."""
     ended = conclusion(study)
     certified = study.certified
+    stands = ended.status == "certified" or certified is None
     return {
         "name": cells.text(study.plant.name, 120)["text"],
         "date": None if study.date is None else study.date.isoformat(),
@@ -52,14 +53,14 @@ def document_data(study: Study) -> dict[str, Any]:
         if study.check is None
         else {"status": study.check.status, "rows": tables.assumptions_table(study.check)},
         "types": None if study.derivation is None else coordinates_section(study.derivation, study.plant.agents),
-        "gains": gains_section(study, certified),
+        "gains": gains_section(study, certified, stands),
         "region": _region(study, certified, ended),
         "stability": None if study.gains is None else stability_rows(study.gains),
-        "numbers": numbers_section(study.gains, certified),
+        "numbers": numbers_section(study.gains, certified) if stands else numbers_section(None, None),
         "claim": claim_section(study, certified),
         "simulation": None
         if study.trajectory is None
-        else simulation_section(study.trajectory, study.simulated, certified, study.seed),
+        else simulation_section(study.trajectory, study.simulated, certified, study.seed, stands),
         "attraction": attraction_section(study.slices) if ended.verified else None,
         "search": None if study.search is None else _search(study.search, study),
         "notes": [

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import hashlib
 import io
 import json
 import os
@@ -95,7 +97,9 @@ class Certified:
 def certified(tmp_path_factory: pytest.TempPathFactory) -> Certified:
     certify = Certify(tmp_path_factory.mktemp("certified"))
     plant = certify.plant()
-    return Certified(plant, certify("run", plant, "-o", certify.folder / "out", "--json"), certify.folder / "out")
+    return Certified(
+        plant, certify("run", plant, "-o", certify.folder / "out", "--json", "--budget", "300"), certify.folder / "out"
+    )
 
 
 def assert_one_complaint(answer: Answer, *words: str) -> None:
@@ -453,6 +457,160 @@ def test_report_on_a_rejected_certificate_says_so(certify: Certify, certified: C
     answer = certify("report", certified.plant, tampered(certified, tmp_path), "-o", tmp_path / "r.pdf", "--json")
     assert (answer.code, answer.json["status"], answer.json["verified"]) == (1, "rejected", False)
     assert (tmp_path / "r.pdf").exists()
+
+
+@pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext reads the pages")
+def test_the_pages_on_a_rejected_certificate_claim_nothing(
+    certify: Certify, certified: Certified, tmp_path: Path
+) -> None:
+    """Of what a report on a certificate says is proved nothing is left but that nothing is."""
+    pages = {}
+    for name, proof in (("good", certified.certificate), ("bad", tampered(certified, tmp_path))):
+        certify("report", certified.plant, proof, "-o", tmp_path / f"{name}.pdf")
+        command = ["pdftotext", str(tmp_path / f"{name}.pdf"), "-"]
+        pages[name] = " ".join(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split())
+    claims = (
+        "Proved",
+        "provably",
+        "proved bound",
+        "certified gains",
+        "certificate proves",
+        "certified region",
+        "Not claimed",
+    )
+    found = {name: [word for word in claims if word in text] for name, text in pages.items()}
+    assert len(found["good"]) == len(claims) and found["bad"] == []
+    assert "Nothing is proved about these gains" in pages["bad"]
+    assert "Nothing is claimed about the gains" in pages["bad"]
+
+
+NARROW = ('"-a*x1 + tanh(x1)/2 + v1"', '"-a*x1 + tanh(x1)/2 + v1 + 1000*x1*exp(-(100000*(a-1.03712345))^2)"')
+
+
+@pytest.fixture
+def narrow(tmp_path: Path) -> tuple[Path, Path]:
+    """Three tanks that run away near a = 1.03712345 only, which no random search meets, with the certificate of tanks
+    that do not, about this file."""
+    text = (EXAMPLE.parent / "first_order.toml").read_text()
+    assert NARROW[0] in text
+    healthy, plant, proof = tmp_path / "healthy.toml", tmp_path / "narrow.toml", tmp_path / "narrow.json"
+    healthy.write_text(text)
+    plant.write_text(text.replace(*NARROW))
+    assert main(["gains", str(healthy), "-o", str(proof)]) == 0
+    content = json.loads(proof.read_text())
+    content["claim"]["plant_sha256"] = hashlib.sha256(plant.read_bytes()).hexdigest()
+    proof.write_text(json.dumps(content, sort_keys=True, separators=(",", ":")) + "\n")
+    return plant, proof
+
+
+def test_a_search_that_finds_nothing_does_not_outweigh_the_checker(
+    certify: Certify, narrow: tuple[Path, Path], tmp_path: Path
+) -> None:
+    for command in (["falsify", *narrow, "--budget", "12"], ["simulate", *narrow, "-o", tmp_path / "out"]):
+        answer = certify(*command, "--json")
+        assert (answer.code, answer.json["status"]) == (1, "rejected")
+        assert answer.json["certificate"]["status"] == "rejected" and answer.json["certificate"]["reason"]
+        assert answer.json["reason"].startswith("the checker rejects the certificate: ")
+        assert answer.err.splitlines()[0].split()[0] == "verify"
+        assert "holds" not in answer.out
+        if command[0] == "falsify":
+            assert answer.json["result"] == "survived" and "none breaks the claim" in answer.json["searched"]
+    assert certify(*command).out.startswith("rejected: ")
+
+
+def test_a_certificate_of_a_theorem_that_is_not_known_is_rejected(
+    certify: Certify, certified: Certified, tmp_path: Path
+) -> None:
+    content = json.loads(certified.certificate.read_text())
+    for theorem, code in (("direct/1", 1), ("guess/1", 1), ("direct/3; rm", 2), (3, 2)):
+        path = tmp_path / "c.json"
+        path.write_text(json.dumps({**content, "theorem": theorem}, sort_keys=True, separators=(",", ":")) + "\n")
+        answer = certify("verify", certified.plant, path)
+        assert (answer.code, answer.out, answer.err.count("\n")) == (code, "", 1)
+        assert (f"theorem {theorem} is none that this checker knows" in answer.err) == (code == 1)
+
+
+def test_a_simulation_that_escapes_refutes_a_claim_and_nothing_else(
+    certify: Certify, certified: Certified, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a claim an escape is what was simulated; with one it contradicts it; what fails says nothing."""
+    from sims import deadline
+
+    real = deadline.settled_run
+    for status, with_claim, without in (
+        ("escaped", (1, "refuted"), (0, "simulated")),
+        ("failed", (3, "inconclusive"), (3, "inconclusive")),
+        ("completed", (0, "simulated"), (0, "simulated")),
+    ):
+        monkeypatch.setattr(
+            deadline, "settled_run", lambda *a, status=status, **k: dataclasses.replace(real(*a, **k), status=status)
+        )
+        for given, expected in (([certified.certificate], with_claim), ([], without)):
+            answer = certify("simulate", certified.plant, *given, "-o", tmp_path / "out", "--json")
+            assert (answer.code, answer.json["status"], answer.json["run"]) == (*expected, status)
+
+
+def test_standard_input_and_output_stand_for_files(
+    certify: Certify, certified: Certified, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def piped(path: Path, *arguments: str | Path) -> Answer:
+        monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(path.read_bytes())))
+        return certify(*arguments)
+
+    assert piped(certified.plant, "check", "-").out.endswith("assumptions: holds\n")
+    assert piped(certified.plant, "verify", "-", certified.certificate).code == 0
+    assert piped(certified.certificate, "verify", certified.plant, "-").code == 0
+    assert_one_complaint(piped(certified.plant, "verify", "-", "-"), "only one of PLANT and CERT")
+    broken = certify.folder / "broken.toml"
+    broken.write_text("schema = 1")
+    assert_one_complaint(piped(broken, "check", "-"), "<stdin>: schema")
+    assert_one_complaint(certify("gains", certified.plant, "-o", "-", "--json"), "-o -", "--json")
+    assert_one_complaint(certify("run", certified.plant, "-o", "-"), "-o -", "name a folder")
+
+
+def test_a_certificate_on_standard_output_is_the_file(certified: Certified) -> None:
+    command = [sys.executable, "-c", SCRIPT, "gains", str(certified.plant), "-o", "-"]
+    done = subprocess.run(command, cwd=EXAMPLE.parent.parent, capture_output=True, check=False)
+    assert done.returncode == 0 and done.stdout == certified.certificate.read_bytes()
+    assert b"certified: every obligation" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["r.txt", "r", "r.pdf.svg"])
+def test_a_report_is_a_pdf(certify: Certify, certified: Certified, tmp_path: Path, name: str) -> None:
+    answer = certify("report", certified.plant, certified.certificate, "-o", tmp_path / name)
+    assert_one_complaint(answer, "has to end in .pdf")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folders_of_results_are_made(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    place = tmp_path / "new" / "deeper" / "r.pdf"
+    assert certify("report", certified.plant, certified.certificate, "-o", place).code == 0
+    assert place.read_bytes().startswith(b"%PDF-")
+
+
+def test_an_interrupted_run_changes_nothing(
+    certify: Certify, certified: Certified, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    shutil.copytree(certified.folder, tmp_path / "out")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    monkeypatch.setattr("reports.document.build_report", interrupt)
+    for folder in ("out", "new"):
+        plant = certify.plant({"(s - id)^2": "(s - id)^2/3"})
+        assert certify("run", plant, "-o", tmp_path / folder, "--budget", "32").code == 130
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    assert not (tmp_path / "new").exists()
+
+
+def test_run_says_how_much_a_time_limit_has_left(certify: Certify, tmp_path: Path) -> None:
+    limited = ("--budget", "1000", "--time-limit", "0.001")
+    answer = certify("run", certify.plant(), "-o", tmp_path / "out", "--json", *limited)
+    searched = answer.json["falsify"]
+    assert answer.code == 0 and (searched["asked"], searched["limited"]) == (1000, True)
+    assert [agent["trajectories"] for agent in searched["agents"]] == [256, 256]  # one part of each
+    assert "the time limit left out the rest of 2000" in searched["reason"]
 
 
 def test_run_that_refutes_reports_it_and_drops_the_old_certificate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import TYPE_CHECKING
 
@@ -66,8 +67,26 @@ def verified(plant: Given, certificate: Given) -> dict[str, str]:
             plants.read_plant(plant.data)
         except Malformed as fault:
             raise InputError(f"{plant.name}: {fault}") from fault
-        raise InputError(f"{certificate.name}: {verdict.detail}")
+        other = _other_theorem(certificate.data)
+        if other is None:
+            raise InputError(f"{certificate.name}: {verdict.detail}")
+        return {"status": "rejected", "claim_sha256": "", "reason": other}
     if verdict.status == "verified":
         return {"status": "verified", "claim_sha256": verdict.claim_sha256, "reason": ""}
     reason = ": ".join(part for part in (verdict.obligation, verdict.detail) if part)
     return {"status": "rejected", "claim_sha256": "", "reason": reason}
+
+
+def _other_theorem(certificate: bytes) -> str | None:
+    """Why a certificate in order, of a theorem that this checker does not know or no longer accepts, is rejected."""
+    import json
+
+    from certify.checker.theorems import THEOREMS
+
+    try:
+        named = json.loads(certificate)["theorem"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+    if not isinstance(named, str) or not re.fullmatch(r"[a-z]{1,40}/[0-9]{1,4}", named) or named in THEOREMS:
+        return None
+    return f"theorem {named} is none that this checker knows ({', '.join(THEOREMS)}); make the certificate anew"
