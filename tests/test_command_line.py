@@ -642,3 +642,33 @@ def test_simulate_without_strong_connection_says_why_and_stops(certify: Certify,
     answer = certify("simulate", certify.plant({', "2 -> 1"': ""}), "-o", tmp_path / "out", "--json")
     assert (answer.code, answer.json["status"]) == (3, "inconclusive")
     assert "A2 fails" in answer.json["reason"]
+
+
+def test_export_carries_the_digest_of_the_claim(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    digest = certified.answer.json["claim"]["sha256"]
+    for to, names in (("c", ["agent1.c", "agent2.c"]), ("python", ["agent1.py", "agent2.py"])):
+        answer = certify("export", certified.plant, certified.certificate, "--to", to, "-o", tmp_path / to, "--json")
+        assert (answer.code, answer.json["status"], answer.json["claim_sha256"]) == (0, "verified", digest)
+        assert answer.json["files"] == sorted(os.listdir(tmp_path / to)) and set(names) < set(answer.json["files"])
+        for name in names:
+            assert digest in (tmp_path / to / name).read_text()
+    assert "Nothing is proved about sampling" in (tmp_path / "c" / "consensus.h").read_text()
+
+
+def test_export_takes_exact_periods(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    words = ["export", certified.plant, certified.certificate, "--to", "python", "-o", tmp_path / "out", "--json"]
+    answer = certify(*words, "--period", "1/700", "--coordinator-period", "0.02")
+    assert (answer.json["periods"], answer.json["coordinator_period"]) == ({"1": "1/700", "2": "1/700"}, "1/50")
+    for option in ("--period", "--coordinator-period"):
+        for text in ("0", "-1", "1/0", "soon", "1e999999"):
+            assert_one_complaint(certify(*words, option, text), option, "a positive number")
+    assert_one_complaint(certify(*words, "--period", "1/700", "--coordinator-period", "1/701"), "coordinator.period")
+    assert_one_complaint(certify(*words, "--arithmetic", "half"), "--arithmetic", "double, single")
+    assert_one_complaint(certify(*words[:4], "rust", *words[5:]), "--to", "c, python")
+
+
+def test_export_refuses_what_does_not_verify(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    path = tampered(certified, tmp_path)
+    answer = certify("export", certified.plant, path, "--to", "c", "-o", tmp_path / "out", "--json")
+    assert (answer.code, answer.json["status"]) == (1, "rejected")
+    assert "the checker does not accept" in answer.json["reason"] and not (tmp_path / "out").exists()
