@@ -77,7 +77,8 @@ def run_network(
     period a new input reaches the plant; ``lost(receiver, sender, stamp)`` whether a message is lost.
     """
     fields = [_field(plant, k) for k in range(len(plant.agents))]
-    S = np.array(plant.exosystem.S.tolist(), dtype=float).reshape(len(plant.exosystem.states), -1)
+    size = len(plant.exosystem.states)
+    S = np.array(plant.exosystem.S.tolist(), dtype=float).reshape(size, size)
     v0 = np.array([float((side.lo + side.hi) / 2) for side in plant.exosystem.initial])
     q = [np.array(start.states) for start in starts]
     offset = [len(agent.zero_states) for agent in plant.agents]

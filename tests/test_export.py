@@ -27,7 +27,7 @@ from certify.export.modes import modes
 from certify.export.observer import luenberger
 from certify.export.package import Options, Package, json_text, package
 from certify.export.python_text import python_files
-from reports.command_line.controllers import demonstration_controller
+from reports.command_line.demonstration import demonstration_controller
 from sims.sampled_loop import Run, Start, centre, run_network
 from symbolic.controller import AgentController
 from symbolic.derivation import derive

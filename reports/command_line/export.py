@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from certify.files import make_folder, write_atomically
+from certify.files import write_together
 from reports.command_line.arguments import CertificateArgument, FolderOption, JsonOption, PlantArgument
+from reports.command_line.inputs import given_pair
 from reports.command_line.outcome import Outcome, finish, naming
+from reports.command_line.outputs import require_output_folder
 from reports.command_line.steps import Steps
 from symbolic.errors import InputError
 
@@ -47,33 +49,31 @@ def command(
     A certificate that the checker does not accept is not exported. Periods that neither the plant file nor an option
     names are chosen by a rule of thumb; nothing is proved about sampling unless the certificate's theorem says so.
     """
-    from certify.certificate import read_certificate
-    from reports.command_line.verify import verified
-    from symbolic.plant_file import load_plant
-
     if to not in TARGETS:
         raise InputError(f"--to: {to!r} is not one of {', '.join(TARGETS)}")
-    loaded, read = load_plant(plant), read_certificate(certificate)
+    periods = _positive("--period", period), _positive("--coordinator-period", coordinator_period)
+    kind = _arithmetic(arithmetic)
+    require_output_folder(output)
+    file, proof = given_pair(plant, certificate)
+    loaded, read = file.as_plant(), proof.as_certificate()
+    from reports.command_line.verify import announced
+
     steps = Steps()
-    with steps.step("verify") as report:
-        answer = verified(plant, certificate)
-        report(answer["status"])
+    answer = announced(file, proof, steps)
     if answer["status"] != "verified":
         reason = f"not exported: the checker does not accept the certificate: {answer['reason']}"
         finish(Outcome("rejected", {"reason": reason, "files": []}, reason), as_json)
     from certify.export.package import Options, package
-    from reports.command_line.controllers import certified_controller
+    from certify.statement.controller import certified_controller
 
-    with steps.step("export") as report, naming(plant):
-        options = Options(
-            _positive("--period", period),
-            _positive("--coordinator-period", coordinator_period),
-            _arithmetic(arithmetic),
+    with steps.step("export") as report, naming(file.name):
+        controller = certified_controller(read, loaded, proof.name)
+        made = package(
+            loaded, read["claim"], answer["claim_sha256"], str(read["theorem"]), controller, Options(*periods, kind)
         )
-        controller = certified_controller(read, loaded, str(certificate))
-        made = package(loaded, read["claim"], answer["claim_sha256"], str(read["theorem"]), controller, options)
-        make_folder(output)
-        names = _written(loaded, made, to, output)
+        files = _files(loaded, made, to)
+        names = sorted(files)
+        write_together(output, dict(files))
         report(f"{len(names)} files")
     fields = {
         "claim_sha256": made.digest,
@@ -110,8 +110,8 @@ def _arithmetic(text: str | None) -> Literal["double", "single"] | None:
     raise InputError(f"--arithmetic: {text[:40]!r} is not one of double, single")
 
 
-def _written(plant: Plant, made: Package, to: str, folder: Path) -> list[str]:
-    """Write the files and return their names in order."""
+def _files(plant: Plant, made: Package, to: str) -> dict[str, bytes]:
+    """The contents by name."""
     from certify.export.c_text import c_files
     from certify.export.package import json_text
     from certify.export.python_text import python_files
@@ -123,9 +123,7 @@ def _written(plant: Plant, made: Package, to: str, folder: Path) -> list[str]:
     else:
         texts |= c_files(made.programs, made.digest, made.notice)
         texts["samples.txt"] = _samples(plant, made, python)
-    for name, text in texts.items():
-        write_atomically(folder / name, text.encode())
-    return sorted(texts)
+    return {name: text.encode() for name, text in texts.items()}
 
 
 def _samples(plant: Plant, made: Package, python: dict[str, str]) -> str:
