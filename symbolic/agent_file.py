@@ -55,31 +55,44 @@ def read_agents(root: Table, count: int | None, scope: Scope) -> tuple[Agent, ..
     example = "initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }"
     box = root.read("initial", example, Table, Table({}, root.at("initial")))
     initial = InitialTable(box, own) if "initial" in root else None
+    declared = frozenset(name for table in tables for name in _declared_in(table))
     agents: dict[int, Agent | None] = {}
-    length = 0
-    for table in tables:
-        numbers = table.read("ids", "ids = [1, 2]", partial(_ids, count=count or MAX_AGENTS), list[int]())
-        length += len(numbers) * _text_length(table.entries)
-        if length > MAX_TEXT:
-            raise where.error(messages.TOO_MUCH_TEXT(most=MAX_TEXT))
-        others = {name for other in tables if other is not table for name in _declared_in(other)}
+    for table, numbers in _shares(tables, where, count):
+        whole = True  # agents that share a table share its faults
         for number in numbers:
-            if number in agents:
-                table.at("ids").report(messages.DESCRIBED_TWICE(number=number))
-            elif agents and list(agents.values())[-1] is None and number != numbers[0]:
-                agents[number] = None  # the agents of a table share its faults
-            else:
-                read = partial(_agent, table, number, scope.with_id(number), initial, others)
-                agents[number] = _attempted(where, read)
-    missing = [number for number in range(1, (count or 0) + 1) if number not in agents]
-    if missing and all("ids" in table for table in tables):
-        listed = f"{', '.join(map(str, missing[:5]))}{'...' if len(missing) > 5 else ''}"
-        one = len(missing) == 1
-        where.report(messages.NO_TABLE(agents=f"agent {listed} has" if one else f"agents {listed} have"))
+            read = partial(_agent, table, number, scope.with_id(number), initial, declared)
+            agents[number] = _attempted(where, read) if whole else None
+            whole = agents[number] is not None
     known = [agent for agent in agents.values() if agent is not None]
     if initial is not None and len(known) == len(agents):
         initial.check(known, scope.with_id(1))
     return tuple(agent for _, agent in sorted(agents.items()) if agent is not None)
+
+
+def _shares(tables: list[Table], where: Where, count: int | None) -> list[tuple[Table, list[int]]]:
+    """The numbers of the agents of each table, each once; those that are missing are reported."""
+    shares: list[tuple[Table, list[int]]] = []
+    described: set[int] = set()
+    before, length = _faults(where), 0
+    for table in tables:
+        numbers: list[int] = table.read("ids", "ids = [1, 2]", partial(_ids, count=count or MAX_AGENTS), list[int]())
+        length += len(numbers) * _text_length(table.entries)
+        if length > MAX_TEXT:
+            raise where.error(messages.TOO_MUCH_TEXT(most=MAX_TEXT))
+        fresh: list[int] = []
+        for number in numbers:
+            if number in described:
+                table.at("ids").report(messages.DESCRIBED_TWICE(number=number))
+            else:
+                described.add(number)
+                fresh.append(number)
+        shares.append((table, fresh))
+    missing = [number for number in range(1, (count or 0) + 1) if number not in described]
+    if missing and tables and _faults(where) == before:  # a fault in the ids may be why an agent is missing
+        listed = f"{', '.join(map(str, missing[:5]))}{'...' if len(missing) > 5 else ''}"
+        one = len(missing) == 1
+        where.report(messages.NO_TABLE(agents=f"agent {listed} has" if one else f"agents {listed} have"))
+    return shares
 
 
 def _tables(root: Table, where: Where, count: int | None) -> list[Table]:
@@ -98,9 +111,14 @@ def _several(value: Value, where: Where, most: int) -> list[Value]:
 
 def _attempted(where: Where, read: Callable[[], Agent]) -> Agent | None:
     """The agent, or ``None`` if anything was noted on the way."""
-    before = len(where.problems.found) if where.problems else 0
+    before = _faults(where)
     agent = where.attempt(read, None)
-    return agent if where.problems is None or len(where.problems.found) == before else None
+    return agent if _faults(where) == before else None
+
+
+def _faults(where: Where) -> int:
+    """How many faults are noted so far."""
+    return len(where.problems.found) if where.problems else 0
 
 
 def _keys_of(table: Table, key: str) -> list[str]:
@@ -142,7 +160,7 @@ def _text_length(value: Value) -> int:
     return len(value) if isinstance(value, str) else 1
 
 
-def _agent(table: Table, number: int, scope: Scope, initial: InitialTable | None, others: Set[str]) -> Agent:
+def _agent(table: Table, number: int, scope: Scope, initial: InitialTable | None, declared: Set[str]) -> Agent:
     outer = scope
     order = table.read("order", "order = 2", partial(integer, least=1, most=MAX_ORDER), None)
     zero = table.table("zero_dynamics")
@@ -161,7 +179,7 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable | None
     )
     for name in uncertain.entries:
         scope = scope.with_state(name, uncertain.at(name), "a parameter")
-    reader = _AgentReader(table, order, scope, others)
+    reader = _AgentReader(table, order, scope, declared)
     zero_dynamics, f, b, cost = reader.zero_dynamics(zero), reader.right_hand_side(), reader.input_gain(), reader.cost()
     return Agent(
         id=number,
@@ -186,13 +204,13 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable | None
 class _AgentReader:
     """The expressions of one agent; each sees only the names that the normal form allows (theory.md section 1)."""
 
-    def __init__(self, table: Table, order: int | None, scope: Scope, others: Set[str]) -> None:
-        """``order`` is None if it could not be read: then any chain is allowed."""
+    def __init__(self, table: Table, order: int | None, scope: Scope, declared: Set[str]) -> None:
+        """``order`` is None if it could not be read: then any chain is allowed; ``declared`` in any table."""
         self.table = table
         self.scope = scope
         self.order = order
         self.chain = _chain(order or MAX_ORDER)
-        self.others = others
+        self.declared = declared
 
     def read(self, key: str, example: str, *names: str, because: str) -> Written:
         return self.table.read(key, example, partial(self.expression, names=names, because=because), ZERO)
@@ -203,7 +221,7 @@ class _AgentReader:
     def refused(self, names: Sequence[str], because: str) -> dict[str, Reason]:
         """Why a name that means something elsewhere may not appear in an expression of these names."""
         scope, order = self.scope, self.order
-        reasons = {name: messages.OTHER_AGENTS(name=name) for name in self.others}
+        reasons = {name: messages.OTHER_AGENTS(name=name) for name in self.declared}
         reasons |= {"u": messages.INPUT_IN_F(), "y": messages.OUTPUT(), "t": messages.TIME()}
         elsewhere = {*_chain(MAX_ORDER), *scope.exosystem, *scope.zero_states, *scope.parameters, str(COST_VARIABLE)}
         reasons |= {name: messages.NOT_HERE(name=quoted(name), because=because) for name in elsewhere - set(names)}

@@ -130,7 +130,12 @@ class Where:
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word most like this one, if any is alike; of short names half is enough."""
+    """The known word most like this one, if any is alike: another case first; of names of 2 or 3 letters half is
+    enough, and of one letter nothing else is."""
+    known = list(known)
+    same = next((other for other in known if other.casefold() == word.casefold()), None)
+    if same or len(word) == 1:
+        return same
     return next(iter(get_close_matches(cut(word, 80), known, n=1, cutoff=0.5 if len(word) <= 3 else 0.6)), None)
 
 

@@ -79,12 +79,13 @@ def parse_constant(
 ) -> sympy.Expr:
     """An exact, finite, real constant such as ``sqrt(2)/3`` in declared constants. Raises ``InputError``.
 
-    One that only SymPy knows to be rational, such as ``sqrt(2)^2``, is refused (``symbolic.rational_value``).
+    ``names`` stand for constants. One that only SymPy knows to be rational, such as ``sqrt(2)^2``, is refused
+    (``symbolic.rational_value``).
     """
     expr = parse_expression(text, names, where=where, refused=refused)
     if expr.free_symbols:
         found = ", ".join(sorted(str(name) for name in expr.free_symbols))
-        raise where.error(messages.CONSTANT(text=quoted(text), names=found))
+        raise ValueError(f"{text!r} is read as a constant, and a name in it stands for a symbol: {found}")
     if isinstance(expr, sympy.Rational) and _fraction_of(text, names) is None:
         raise where.error(messages.PLAIN_NUMBER(text=quoted(text), value=shown(as_fraction(expr))))
     return expr

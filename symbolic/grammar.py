@@ -111,10 +111,13 @@ def parse(text: str) -> Node:
 
 
 def decimal(text: str) -> Fraction:
-    """The exact value of an unsigned integer or decimal such as ``12``, ``0.1`` or ``1e-3``. Raises ``NumberError``."""
+    """The exact value of an unsigned integer or decimal such as ``12``, ``0.1`` or ``1e-3``.
+
+    Raises ``NumberError`` for one that is too long.
+    """
     match = NUMBER.fullmatch(text)
     if match is None or not (match["whole"] or match["part"]):
-        raise NumberError(messages.NO_NUMBER())
+        raise ValueError(f"not a number: {text[:40]!r}")
     part, exponent = match["part"] or "", match["exponent"] or "0"
     digits = match["whole"] + part
     if len(digits) > MAX_DIGITS:

@@ -1,6 +1,6 @@
 """Every message about a plant file, in one place: what is wrong, and what to change.
 
-``docs/messages.md`` is made from this module and from ``tests/wrong_plants.py``, which holds a file for each of them.
+``docs/messages.md`` is made from this module and from ``tests/wrong/plants.py``, which holds a file for each of them.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ NOT_TOML = Message("not valid TOML: {why}{hint}")
 # tables and keys
 MISSING = Message("missing; for example {example}")
 UNKNOWN_KEY = Message("unknown key {key}; {hint}")
-SCHEMA = Message("this version reads {schema} only")
+SCHEMA = Message("this version reads {schema} only; write that")
 TABLE = Message("a table is needed, found {found}; write {{ key = value }}, or the keys below [{key}]")
 ARRAY = Message("an array is needed, found {found}; write the entries in brackets: [ ... ]")
 TOO_MANY = Message("{count} {what}, more than {most}")
@@ -56,10 +56,8 @@ WORD = Message("{words} is needed{hint}")
 NUMBER = Message('a number or a string with an expression is needed, found {found}; write 1.5 or "3/2"')
 INTEGER_BITS = Message("the integer has more than {most} bits; another unit makes it shorter")
 FINITE = Message("a finite number is needed, found {found}; write a value that is never exceeded")
-DECIMAL = Message("{why}")
 RATIONAL = Message("a rational number is needed, {text} is not shown to be one; write a fraction or a decimal near it")
 PLAIN_NUMBER = Message("{text} is the number {value}; write it like that")
-CONSTANT = Message("a constant is needed, {text} depends on {names}; write numbers and [constants] only")
 POSITIVE = Message("a positive number is needed, found {found}")
 NOT_NEGATIVE = Message("a number that is not negative is needed, found {found}")
 INTERVAL = Message("an interval is a pair [lo, hi] of numbers, or one number for a point")
@@ -132,7 +130,6 @@ FUNCTION = Message("unknown function {name}; known: {known}")
 ARGUMENT = Message("the function {name} needs an argument in parentheses")
 TOO_MANY_PARTS = Message("the expression has more than {most} operands and operators")
 NESTED = Message("the expression is nested deeper than {most}; name an inner part in [constants], or simplify")
-NO_NUMBER = Message("not a number")
 DIGITS = Message("the number has {found} digits, more than {most}; round it outwards")
 EXPONENT_OF_TEN = Message("the number's exponent is beyond {most}, which no float holds; choose another unit")
 EXPONENT = Message("an exponent must be a rational constant such as 2 or 1/3 (a^p with another p is exp(p*log(a)))")

@@ -45,7 +45,8 @@ class Scope:
             later.pop(name)
             if self._is_new(name, where, constants):
                 constants[name] = where.attempt(partial(constant, value, where, constants, later), STAND_IN)
-        if sum(not isinstance(value, sympy.Rational) for value in constants.values()) > MAX_IRRATIONAL:
+        irrational = sum(not isinstance(value, sympy.Rational) for value in constants.values())
+        if table.entries and irrational > MAX_IRRATIONAL:
             table.where.report(messages.IRRATIONAL(most=MAX_IRRATIONAL))
         return replace(self, constants=constants)
 

@@ -34,7 +34,7 @@ _HINTS = {  # by the beginning of what tomllib says
     "Cannot overwrite a value": "; a key is given once",
     "Cannot declare": "; a table is opened once, and [[agent]] has two brackets each time",
     "Expected newline or end of document": "; one entry a line, and a text with a blank stands in quotes",
-    "Unclosed array": "; close it with ]",
+    "Unclosed array": "; close it with ], put commas between entries, and digits on both sides of a decimal point",
     "Unclosed inline table": "; close it with } on the same line",
     "Unescaped '\\'": "; write the text in 'single quotes', or \\\\ for a backslash",
     "Illegal character": "; lines end in LF or CRLF, and a text is closed on its line",

@@ -306,8 +306,9 @@ def _is_constant(node: Node) -> bool:
             return isinstance(node, Number)
     constant = [_is_constant(part) for part in parts]
     if not all(constant):
-        for part in compress(parts, constant):
-            evaluate(part, {}, enclose, _bounded_call)
+        divisors = [divides for _, divides in node.factors] if isinstance(node, Product) else [False] * len(parts)
+        for part, divides in compress(zip(parts, divisors, strict=True), constant):
+            evaluate(Product(((part, True),)) if divides else part, {}, enclose, _bounded_call)
     return all(constant)
 
 
