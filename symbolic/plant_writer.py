@@ -16,6 +16,7 @@ import sympy
 from symbolic.constants import as_fraction
 from symbolic.errors import InputError
 from symbolic.expression_text import expression_text, float_value, number_text
+from symbolic.guards import Guard, guards
 from symbolic.plant import Agent, Digraph, Exosystem, Interval, Plant, Settling, symbol
 from symbolic.plant_file import SCHEMA, parse_plant
 
@@ -50,9 +51,33 @@ def _difference(plant: Plant, back: Plant) -> str:
     for part in fields(Plant):
         if part.compare and part.name != "sha256":
             mine, theirs = getattr(plant, part.name), getattr(back, part.name)
+            if part.name == "agents" and len(mine) == len(theirs):
+                theirs = tuple(map(_with_guards_of, theirs, mine))
             if mine != theirs:
                 return f"{part.name}{_place(mine, theirs)}"
     return ""
+
+
+def _with_guards_of(back: Agent, agent: Agent) -> Agent:
+    """The agent that was read back with the guards of the other one, provided it has them all.
+
+    It may have more: those that SymPy's form of an expression brings along, which are implied.
+    """
+    pairs = zip(_guarded(agent), _guarded(back), strict=True)
+    kept = all(not _missing(written, expr, extra) for (expr, written), (_, extra) in pairs)
+    return replace(back, guards=agent.guards) if kept else back
+
+
+def _guarded(agent: Agent) -> list[tuple[sympy.Expr, tuple[Guard, ...]]]:
+    """The expressions of an agent that have guards, with those of their texts."""
+    rates = [(rate, agent.guards.of_zero_dynamics(k)) for k, rate in enumerate(agent.zero_dynamics)]
+    return [*rates, (agent.f, agent.guards.f), (agent.b, agent.guards.b), (agent.cost, agent.guards.cost)]
+
+
+def _missing(written: Iterable[Guard], expr: sympy.Expr, known: Iterable[Guard] = ()) -> list[Guard]:
+    """The guards of a text that neither the expression itself has nor are ``known``."""
+    has = {(guard.expression, guard.need) for guard in (*guards(expr), *known)}
+    return [guard for guard in written if (guard.expression, guard.need) not in has]
 
 
 def _evaluated(agent: Agent) -> Agent:
@@ -183,15 +208,15 @@ _ORIGIN = Interval(Fraction(0), Fraction(0))
 def _agent(ids: Sequence[int], agent: Agent) -> list[str]:
     zero = [state.name for state in agent.zero_states]
     lines = {"ids": _array(map(str, ids))}
+    *rates, f, b, cost = (_expression(expr, written) for expr, written in _guarded(agent))
     if zero:
-        lines["zero_dynamics"] = _expressions(zero, agent.zero_dynamics)
-    lines |= {"order": str(agent.order), "f": _expression(agent.f), "b": _expression(agent.b)}
-    lines["cost"] = _expression(agent.cost)
+        lines["zero_dynamics"] = _inline(dict(zip(zero, rates, strict=True)))
+    lines |= {"order": str(agent.order), "f": f, "b": b, "cost": cost}
     if agent.parameters:
         names = [parameter.name for parameter in agent.parameters]
         lines["uncertain"] = _inline(dict(zip(names, map(_interval, agent.parameter_box), strict=True)))
     if agent.steady_state is not None:
-        lines["steady_state"] = _expressions(zero, agent.steady_state)
+        lines["steady_state"] = _inline(dict(zip(zero, map(_expression, agent.steady_state), strict=True)))
     if agent.lyapunov is not None:
         lines["zero_dynamics_lyapunov"] = _expression(agent.lyapunov)
     if agent.internal_model is not None:
@@ -237,12 +262,18 @@ def _constant(value: sympy.Expr) -> str:
     return number_text(as_fraction(value)) if value.is_Rational else _expression(value)
 
 
-def _expression(expr: sympy.Expr) -> str:
-    return number_text(as_fraction(expr)) if expr.is_Rational else _string(expression_text(expr))
-
-
-def _expressions(names: Iterable[str], values: Iterable[sympy.Expr]) -> str:
-    return _inline(dict(zip(names, map(_expression, values), strict=True)))
+def _expression(expr: sympy.Expr, written: Iterable[Guard] = ()) -> str:
+    """The expression as TOML, with a vanishing term for every guard that SymPy has cancelled: ``s**3/s`` is
+    ``s**2 + 0/(s)``, which is not defined at 0 either."""
+    lost = "".join(
+        f" + 0/({expression_text(guard.expression)})"
+        if guard.need == "nonzero"
+        else f" + 0*log({expression_text(guard.expression)})"
+        for guard in _missing(written, expr)
+    )
+    if expr.is_Rational and not lost:
+        return number_text(as_fraction(expr))
+    return _string(expression_text(expr) + lost)
 
 
 def _table(title: str, rows: Row) -> list[str]:
