@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from reports import cells
 from reports.figures import style, svg
 from reports.typst_math import symbol_text
 from sims.attraction import RegionSlice, coverage
-from sims.attraction_plots import plot_region
+from sims.attraction_plots import plot_box, plot_region
+from symbolic.plant import Interval
 
 COLUMNS = 3
 PANEL, WIDE = (2.2, 1.65), 3.0
@@ -33,8 +35,10 @@ def attraction_section(slices: Sequence[RegionSlice]) -> dict[str, Any] | None:
     }
 
 
-def attraction_figure(slices: Sequence[RegionSlice]) -> Figure:
-    """One panel per slice under one legend."""
+def attraction_figure(
+    slices: Sequence[RegionSlice], inner: Mapping[int, Mapping[str, Interval]] = MappingProxyType({})
+) -> Figure:
+    """One panel per slice under one legend; ``inner`` has the sides of a smaller box, drawn dashed."""
     columns = min(COLUMNS, len(slices))
     rows = -(-len(slices) // columns)
     with style():
@@ -44,6 +48,9 @@ def attraction_figure(slices: Sequence[RegionSlice]) -> Figure:
         looks: dict[str, Any] = {}
         for axes, found in zip(panels, slices, strict=False):
             plot_region(found, axes, size=MARK, legend=False)
+            if found.agent in inner:
+                sides = inner[found.agent]
+                plot_box(axes, sides[found.names[0]], sides[found.names[1]])
             axes.grid(False)
             axes.tick_params(length=2.0)
             handles, labels = axes.get_legend_handles_labels()

@@ -13,6 +13,7 @@ from matplotlib.patches import Rectangle
 from sims.attraction import CONVERGES, ESCAPES, STAYS, UNKNOWN, RegionSlice
 from sims.bounds import ERROR, SignalBound
 from sims.signals import Array
+from symbolic.plant import Interval
 
 LOOKS = {
     CONVERGES: ("o", "#56B4E9", "converges"),
@@ -52,6 +53,18 @@ def plot_region(found: RegionSlice, ax: Axes | None = None, *, size: float = 14.
     if legend:
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, fontsize="small", frameon=False)
     return ax
+
+
+def plot_box(ax: Axes, first: Interval, second: Interval, label: str = "box of the plant file") -> None:
+    """A dashed frame, beside the certified one of :func:`plot_region`."""
+    corner, width, height = (
+        (float(first.lo), float(second.lo)),
+        float(first.hi - first.lo),
+        float(second.hi - second.lo),
+    )
+    ax.add_patch(
+        Rectangle(corner, width, height, fill=False, edgecolor="black", linewidth=0.9, linestyle="--", label=label)
+    )
 
 
 def plot_bounds(t: Array, runs: Array, bound: SignalBound, ax: Axes | None = None) -> Axes:

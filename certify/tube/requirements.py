@@ -93,19 +93,19 @@ class Descent:
         performances: Performances,
         requested: RequestedGains,
         report: Callable[[str], None],
+        cap: Fraction | None = None,
         most: int = MOST_TRIALS,
     ) -> None:
+        """``h`` is at most ``cap``."""
         self.trials, self.performances, self.requested, self.report = trials, performances, requested, report
+        self.cap = cap
         self.known: dict[tuple[LoopGains, Fraction | None], Trial | None] = {}
         self.passed: list[tuple[Trial, Performance]] = []
         self.most = most
 
-    def down(
-        self, start: Trial, score: Callable[[Performance], float], enough: float, cap: Fraction | None = None
-    ) -> tuple[Trial, Performance]:
-        """The best trial; it ends at a score of ``enough``, or when no single change is better. ``h`` is at most
-        ``cap``."""
-        best, found = start, self.measured(start)
+    def down(self, start: Trial, score: Callable[[Performance], float], enough: float) -> tuple[Trial, Performance]:
+        """The best trial; it ends at a score of ``enough``, or when no single change is better."""
+        best, found, cap = start, self.measured(start), self.cap
         if cap is not None and start.gains.h is not None and start.gains.h > cap:
             below = self._first_below(start, cap)
             if below is not None:
@@ -114,7 +114,7 @@ class Descent:
             improved = True
             while improved and score(found) > enough and len(self.known) < self.most:
                 improved = False
-                for gains, delta in self._moves(best, stride, cap):
+                for gains, delta in self.moves(best, stride, cap):
                     while score(found) > enough and len(self.known) < self.most:
                         trial = self._attempt(gains, delta, best)
                         if trial is None or score(self.measured(trial)) > score(found) - BETTER * stride:
@@ -141,7 +141,7 @@ class Descent:
                     return trial, self.measured(trial)
         return None
 
-    def _moves(self, at: Trial, stride: float, cap: Fraction | None) -> Iterator[tuple[LoopGains, Fraction | None]]:
+    def moves(self, at: Trial, stride: float, cap: Fraction | None) -> Iterator[tuple[LoopGains, Fraction | None]]:
         """Every gain that is free, up and down; ``h`` goes along with ``K``, and alone; then the level ``δ``."""
         g, K, h = at.gains.g, at.gains.K, at.gains.h
         free = self.requested
@@ -185,10 +185,7 @@ def meet(
     for descent, start in order:
         if tried >= MOST_TRIALS:
             break
-        cap = None
-        if asked.bandwidth is not None and descent.performances.fastest > 0:
-            cap = _short(asked.bandwidth / Fraction(float(descent.performances.fastest)) * (1 + Fraction(ROUNDED)), 3)
-        trial, found = descent.down(start, wanted.score, 0.0, cap)
+        trial, found = descent.down(start, wanted.score, 0.0)
         tried += len(descent.known)
         if not wanted.missed(found):
             return Met(trial, tried)
@@ -200,6 +197,13 @@ def meet(
     band = None if asked.settling is None else float(asked.settling.band)
     reference = None if band is None else reference_settled(descent.performances, band)
     return Missed(trial, found, wanted.missed(found), reference, tried)
+
+
+def largest_h(performances: Performances, asked: Requirements) -> Fraction | None:
+    """The largest observer gain that the bandwidth allows; ``None`` if it allows all, or there is no observer."""
+    if asked.bandwidth is None or not performances.fastest > 0:
+        return None
+    return _short(asked.bandwidth / Fraction(float(performances.fastest)) * (1 + Fraction(ROUNDED)), 3)
 
 
 def reference_settled(performances: Performances, band: float) -> float:

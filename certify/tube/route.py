@@ -13,8 +13,9 @@ from certify.certificate import Json
 from certify.preparation import Prepared
 from certify.results import AgentResult, Alternative
 from certify.tube.certificate import BOX_BITS, tube_controller, tube_witness
+from certify.tube.largest_box import largest_box
 from certify.tube.performance import Performances
-from certify.tube.requirements import Descent, Missed, Wanted, explained, meet
+from certify.tube.requirements import Descent, Missed, Wanted, explained, largest_h, meet
 from certify.tube.search import Choice, NoChoice, nearest_gains, search_gains
 from certify.tube.trial import AgentTrials, Trial
 from symbolic.controller import AgentController
@@ -46,6 +47,11 @@ def tube_agent(
         if isinstance(met, str):
             return AgentResult(derived.id, "inconclusive", met, linear=linear), None, None
         found = (met, *(choice for choice in found if choice.trial is not met.trial))
+    if asked.region is not None:
+        own = _own(trials, found[0].trial, prepared, index)
+        largest = largest_box(own, found[0].trial, requested, asked, report)
+        reason = f"the initial box may grow to {float(largest.factor):.3g} times its size with these gains"
+        found = (Choice("largest region", reason, largest.trial), *found)
     default = _coarsened(trials, found[0].trial, prepared, index, asked)
     controller = tube_controller(default)
     peak = [round_up(Fraction(float(value)), BOX_BITS) for value in _peak(default)]
@@ -82,7 +88,8 @@ def _meeting(
     for choice in found:
         own = _own(trials, choice.trial, prepared, index)
         performances = Performances(own.model, own.surroundings)
-        descents.append((Descent(own, performances, requested, report), choice.trial))
+        cap = largest_h(performances, asked)
+        descents.append((Descent(own, performances, requested, report, cap), choice.trial))
     result = meet(descents, asked, report)
     if isinstance(result, Missed):
         return explained(result, asked)

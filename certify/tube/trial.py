@@ -111,11 +111,11 @@ class AgentTrials:
         search for it begins at the share of ``K |ϑ(0)|`` that did in the trial ``like``."""
         if max(gains.g if self.model.order > 1 else 0, gains.K, gains.h or 0, delta or 0) > LARGEST_GAIN:
             return TrialFailure(gains, f"gains above {float(LARGEST_GAIN):.0e} are beyond the search's floats")
-        loop = self._loop(gains)
+        loop = self.loop(gains)
         if isinstance(loop, TrialFailure):
             return loop
         if delta is not None:
-            result = self._at(loop, delta)
+            result = self.at(loop, delta)
             return TrialFailure(gains, result.reason, result.escape) if isinstance(result, _Missed) else result
         share = FIRST_LEVEL if like is None else max(FIRST_LEVEL, float(like.delta) / self._furthest(like.gains))
         return self._least_level(loop, share)
@@ -126,7 +126,7 @@ class AgentTrials:
         high, low = float(trial.delta), float(trial.delta) / 2
         for _ in range(TIGHTENINGS):
             middle = _short_up(float(np.sqrt(low * high)))
-            result = self._at(loop, middle)
+            result = self.at(loop, middle)
             if isinstance(result, Trial):
                 trial, high = result, float(middle)
             else:
@@ -147,7 +147,7 @@ class AgentTrials:
         level, reason, escape = share * loop.furthest, "", None
         times = [0.0, 0.0]
         for _ in range(DELTA_ROUNDS):
-            result = self._at(loop, _short_up(level))
+            result = self.at(loop, _short_up(level))
             if isinstance(result, Trial):
                 return self._halved(loop, result) if not reason else result
             level, reason, escape = result.next_level, result.reason, result.escape
@@ -161,13 +161,13 @@ class AgentTrials:
 
     def _halved(self, loop: _Loop, trial: Trial) -> Trial:
         while trial.delta / 2 > FIRST_LEVEL * loop.furthest:
-            result = self._at(loop, trial.delta / 2)
+            result = self.at(loop, trial.delta / 2)
             if isinstance(result, _Missed):
                 break
             trial = result
         return trial
 
-    def _loop(self, gains: LoopGains) -> _Loop | TrialFailure:
+    def loop(self, gains: LoopGains) -> _Loop | TrialFailure:
         loop = nominal_loop(self.model, gains, self.nominal)
         found = modes(loop)
         if found is None:
@@ -178,7 +178,7 @@ class AgentTrials:
             return TrialFailure(gains, "the kernels of the nominal loop could not be bounded")
         return _Loop(gains, found, comparison, self._furthest(gains))
 
-    def _at(self, loop: _Loop, delta: Fraction) -> Trial | _Missed:
+    def at(self, loop: _Loop, delta: Fraction) -> Trial | _Missed:
         """Both phases with one saturation level."""
         gains, comparison, level = loop.gains, loop.comparison, float(delta)
         K = float(gains.K)

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from certify.lifetime import WorkerLostError
-from reports.command_line import check, derive, export, falsify, gains, report, run, simulate, verify
+from reports.command_line import check, derive, export, falsify, gains, region, report, run, simulate, verify
 from reports.command_line.outcome import BAD_INPUT, UNDECIDED, Outcome
 from symbolic.errors import InputError, one_line
 
@@ -24,6 +24,7 @@ app.command("gains")(gains.command)
 app.command("verify")(verify.command)
 app.command("simulate")(simulate.command)
 app.command("falsify")(falsify.command)
+app.command("region")(region.command)
 app.command("report")(report.command)
 app.command("export")(export.command)
 
