@@ -665,7 +665,7 @@ def test_export_takes_exact_periods(certify: Certify, certified: Certified, tmp_
     unfit = certify(*words, "--period", "1/700", "--coordinator-period", "1/701")
     assert (unfit.code, unfit.out) == (2, "") and "coordinator.period: 1/701 is no whole multiple" in unfit.err
     assert_one_complaint(certify(*words, "--arithmetic", "half"), "--arithmetic", "double, single")
-    assert_one_complaint(certify(*words[:4], "rust", *words[5:]), "--to", "c, python")
+    assert_one_complaint(certify(*words[:4], "rust", *words[5:]), "--to", "c, python, fmi")
 
 
 def test_export_refuses_what_does_not_verify(certify: Certify, certified: Certified, tmp_path: Path) -> None:

@@ -19,12 +19,17 @@ FLAGS = "-std=c99 -O2 -ffp-contract=off -Wall -Wextra -Wpedantic -Wconversion -W
 def c_files(programs: Sequence[AgentProgram], digest: str, notice: Sequence[str]) -> dict[str, str]:
     """The folder's files by name."""
     texts = {
-        "consensus.h": _header(programs, digest, notice),
-        "consensus_guard.h": files("certify.export").joinpath("templates/guard.h").read_text("utf-8"),
+        "consensus.h": header(programs, digest, notice),
+        "consensus_guard.h": guard(),
         "replay.c": _replay(programs),
         "Makefile": _makefile(programs),
     }
     return {**texts, **{f"agent{program.id}.c": agent_source(program, digest) for program in programs}}
+
+
+def guard() -> str:
+    """``consensus_guard.h``."""
+    return files("certify.export").joinpath("templates/guard.h").read_text("utf-8")
 
 
 def agent_source(program: AgentProgram, digest: str) -> str:
@@ -321,7 +326,8 @@ def _statement(statement: Statement, format: Format) -> list[str]:
     return [f"    const {real} {statement.name} = {limited};{note}"]
 
 
-def _header(programs: Sequence[AgentProgram], digest: str, notice: Sequence[str]) -> str:
+def header(programs: Sequence[AgentProgram], digest: str, notice: Sequence[str]) -> str:
+    """``consensus.h``."""
     said = "\n".join(f" * {line}".rstrip() for line in notice)
     declared = "\n\n".join(_declared(program) for program in programs)
     return f"""/**

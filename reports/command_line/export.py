@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from certify.export.package import Package
     from symbolic.plant import Plant
 
-TARGETS = ("c", "python")
+TARGETS = ("c", "python", "fmi")
 RECORDED = 2000  # samples of each agent in samples.txt, about
 
 
 def command(
     plant: PlantArgument,
     certificate: CertificateArgument,
-    to: Annotated[str, typer.Option("--to", metavar="[c|python]", help="Kind of code.", show_default=False)],
+    to: Annotated[str, typer.Option("--to", metavar="[c|python|fmi]", help="Kind of code.", show_default=False)],
     output: FolderOption,
     period: Annotated[
         str | None, typer.Option(metavar="T", help="Sampling period, exact: 1/1000 or 0.001.", show_default=False)
@@ -118,6 +118,11 @@ def _files(plant: Plant, made: Package, to: str) -> dict[str, bytes]:
 
     texts = {"controller.json": json_text(made)}
     python = python_files(made.programs, made.digest, made.notice)
+    if to == "fmi":
+        from certify.export.fmi import fmi_files
+
+        units = fmi_files(made.programs, made.digest, made.notice)
+        return {**{name: text.encode() for name, text in texts.items()}, **units}
     if to == "python":
         texts |= python
     else:
