@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 import sympy
 
@@ -30,11 +31,12 @@ class Optimum:
     enclosure: Interval
 
 
+@lru_cache(maxsize=4)
 def optimum(plant: Plant) -> Optimum:
     """The minimiser of the sum of all costs, in an enclosure no wider than ``1e-12·max(1, |s*|)``.
 
-    ``Σ c_i'`` increases without bound (A1), so two proved signs enclose its only zero.
-    Raises NoOptimumError when A1 is not proved for every agent, or the balls are too wide to show the signs.
+    ``Σ c_i'`` increases without bound (A1), so two proved signs enclose its only zero. Computed once for all steps of a
+    command. Raises NoOptimumError when A1 is not proved for every agent, or the balls are too wide to show the signs.
     """
     for agent in plant.agents:
         curvature = cost_curvature(agent.cost)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import sympy
 
 from symbolic.coordinates import error_system
@@ -42,8 +44,10 @@ def derive_agent(agent: Agent, plant: Plant, s_star: sympy.Expr) -> AgentDerivat
     )
 
 
+@lru_cache(maxsize=4)
 def derive(plant: Plant, s_star: sympy.Expr) -> Derivation:
-    """``derive_agent`` for every agent, and the agents grouped into types."""
+    """``derive_agent`` for every agent, and the agents grouped into types. Several steps of a command ask for it; it
+    is computed once."""
     agents = tuple(derive_agent(agent, plant, s_star) for agent in plant.agents)
     types: dict[tuple[object, ...], list[int]] = {}
     for derived in agents:

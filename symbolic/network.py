@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-import networkx
 from flint import fmpq, fmpq_mat
+from sympy.utilities import iterables
 
 from symbolic.plant import Digraph
 
@@ -37,7 +37,8 @@ def laplacian(digraph: Digraph) -> tuple[tuple[Fraction, ...], ...]:
 
 def strongly_connected_components(digraph: Digraph) -> tuple[tuple[int, ...], ...]:
     """The components, each sorted, ordered by their smallest agent."""
-    return tuple(sorted(tuple(sorted(part)) for part in networkx.strongly_connected_components(_graph(digraph))))
+    agents, edges = list(range(1, digraph.agents + 1)), [(edge.source, edge.target) for edge in digraph.edges]
+    return tuple(sorted(tuple(sorted(part)) for part in iterables.strongly_connected_components((agents, edges))))
 
 
 def cuts(digraph: Digraph) -> tuple[Cut, ...]:
@@ -78,10 +79,3 @@ def is_balanced(digraph: Digraph) -> bool:
         surplus[edge.target - 1] += edge.weight
         surplus[edge.source - 1] -= edge.weight
     return not any(surplus)
-
-
-def _graph(digraph: Digraph) -> networkx.DiGraph:
-    graph = networkx.DiGraph()
-    graph.add_nodes_from(range(1, digraph.agents + 1))
-    graph.add_edges_from((edge.source, edge.target) for edge in digraph.edges)
-    return graph

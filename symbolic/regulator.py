@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
-import networkx
 import sympy
 
 from symbolic.identity import zero_test
@@ -25,6 +25,7 @@ from symbolic.steady_state_series import Inconsistent, NotFound, Outcome, Regula
 __all__ = ["NoSteadyState", "SteadyState", "solve_regulator"]
 
 
+@lru_cache(maxsize=256)  # the assumptions and the derivation ask for the same
 def solve_regulator(agent: Agent, exosystem: Exosystem) -> SteadyState | NoSteadyState:
     """Verifies the user's ``steady_state``, or finds z* by matching polynomials in v or in (s, v) up to degree 8.
 
@@ -131,6 +132,11 @@ def _solved_block(
 
 
 def _blocks(z: tuple[sympy.Symbol, ...], f0: tuple[sympy.Expr, ...]) -> Iterator[tuple[sympy.Symbol, ...]]:
+    if len(z) < 2:
+        yield from [z] if z else []
+        return
+    import networkx
+
     graph = networkx.DiGraph()
     graph.add_nodes_from(z)
     graph.add_edges_from((other, name) for name, expr in zip(z, f0, strict=True) for other in z if expr.has(other))

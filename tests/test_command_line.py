@@ -325,6 +325,35 @@ def test_what_does_not_compute_imports_nothing_heavy(tmp_path: Path, arguments: 
     assert subprocess.run(command, cwd=EXAMPLE.parent.parent, capture_output=True, check=False).returncode == 0
 
 
+@pytest.mark.parametrize("plant", ["first_order", "five_agents"])
+def test_check_imports_no_solver_and_nothing_that_draws(plant: str) -> None:
+    """They take longer to import than these assumptions to decide."""
+    heavy = ("cvxpy", "scipy", "numpy", "matplotlib", "networkx", "typst", "rich", "multiprocessing")
+    script = SCRIPT.replace("sys.exit(main())", f"main(); sys.exit(sum(name in sys.modules for name in {heavy}))")
+    command = [sys.executable, "-c", script, "check", str(EXAMPLE.parent / f"{plant}.toml")]
+    assert subprocess.run(command, cwd=EXAMPLE.parent.parent, capture_output=True, check=False).returncode == 0
+
+
+def test_a_command_finds_the_optimum_and_derives_once(
+    certify: Certify, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The optimum of the plant, and every agent once with each design that it is given."""
+    import symbolic.derivation
+    from certify import optimum
+
+    optima: list[Any] = []
+    derived: list[Any] = []
+    curvature, one = optimum.cost_curvature, symbolic.derivation.derive_agent
+    monkeypatch.setattr(optimum, "cost_curvature", lambda cost: optima.append(cost) or curvature(cost))
+    monkeypatch.setattr(
+        symbolic.derivation, "derive_agent", lambda agent, *rest: derived.append(agent) or one(agent, *rest)
+    )
+    plant = certify.plant({"two-agents": "derived once"})
+    assert certify("run", plant, "-o", tmp_path / "out", "--budget", "32").code == 0
+    assert len(optima) == 2
+    assert 2 <= len(derived) <= 4 and len(set(derived)) == len(derived)
+
+
 def test_run_writes_three_files_and_says_what_the_summary_says(certified: Certified) -> None:
     assert certified.answer.code == 0, certified.answer.err
     assert sorted(os.listdir(certified.folder)) == ["certificate.json", "report.pdf", "summary.json"]

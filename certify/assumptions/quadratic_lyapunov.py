@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-import numpy as np
 import sympy
 from flint import fmpq, fmpq_mat
 
@@ -108,6 +107,8 @@ def _falls_short(form: Matrix, a0: Fraction) -> bool:
 
 def _smallest_eigenvalue(form: Matrix) -> Fraction:
     """An estimate of the smallest eigenvalue of a positive definite matrix; positive."""
+    import numpy as np
+
     size = largest_entry(form)
     estimate = size * Fraction(float(np.linalg.eigvalsh(to_float(scale(1 / size, form)))[0]))
     return max(estimate, size / 10**12)

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import product
 
-import networkx
 import sympy
+from sympy.utilities import iterables
 
 from certify.bounds.balls import NonFiniteError, compile_expression
 from certify.bounds.rationals import sqrt_up
@@ -41,6 +42,7 @@ class ExosystemBounds:
     extent: Matrix = ()
 
 
+@lru_cache(maxsize=8)  # every agent asks for it
 def exosystem_bounds(exosystem: Exosystem) -> ExosystemBounds | Inconclusive:
     """Intervals with short rational ends that hold ``v(t)`` for all ``t >= 0``, or why there are none.
 
@@ -77,10 +79,8 @@ def exosystem_bounds(exosystem: Exosystem) -> ExosystemBounds | Inconclusive:
 
 
 def _independent_groups(S: sympy.MatrixBase) -> list[list[int]]:
-    graph = networkx.Graph()
-    graph.add_nodes_from(range(S.rows))
-    graph.add_edges_from((i, j) for i in range(S.rows) for j in range(S.cols) if S[i, j] != 0)
-    return [sorted(group) for group in networkx.connected_components(graph)]
+    coupled = [(i, j) for i in range(S.rows) for j in range(S.cols) if i != j and S[i, j] != 0]
+    return sorted(map(sorted, iterables.connected_components((list(range(S.rows)), coupled))))
 
 
 def _corners(initial: Sequence[Interval]) -> list[Row]:

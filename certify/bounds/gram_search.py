@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
-import cvxpy
 import numpy as np
 
 from certify.bounds.gram import Coefficients, Monomial
 from certify.inequalities.semidefinite import solve
+
+if TYPE_CHECKING:
+    import cvxpy
 
 _LARGEST_MULTIPLE = 1e6
 _NEGLIGIBLE = 1e-6
@@ -22,6 +25,8 @@ def search_gram(
     target: Coefficients, constraints: Sequence[Coefficients], bases: Sequence[Sequence[Monomial]]
 ) -> list[np.ndarray] | str:
     """Gram matrices of the main part and the multipliers, as far inside the cone as they go; or why there are none."""
+    import cvxpy
+
     grams = _gram_variables(bases)
     margin = cvxpy.Variable()
     inside = [gram - margin * np.eye(gram.shape[0]) >> 0 for gram in grams if gram.shape[0]]
@@ -41,6 +46,8 @@ def search_multiple(
     bases: Sequence[Sequence[Monomial]],
 ) -> float | None:
     """An estimate of the largest ``t`` with ``target − t·subtracted`` a sum of squares on the domain."""
+    import cvxpy
+
     grams = _gram_variables(bases)
     multiple = cvxpy.Variable()
     equations = _matching(_floats(target), _floats(subtracted), multiple, constraints, bases, grams)
@@ -54,6 +61,8 @@ def _floats(coefficients: Coefficients) -> dict[Monomial, float]:
 
 
 def _gram_variables(bases: Sequence[Sequence[Monomial]]) -> list[cvxpy.Variable]:
+    import cvxpy
+
     return [cvxpy.Variable((len(basis), len(basis)), symmetric=True) for basis in bases]
 
 
@@ -66,6 +75,8 @@ def _matching(
     grams: Sequence[cvxpy.Variable],
 ) -> list[cvxpy.Constraint]:
     """One linear equation per monomial of ``main + Σ σ_k g_k = target − multiple·subtracted``."""
+    import cvxpy
+
     weights: dict[Monomial, list[np.ndarray]] = {}
     one: Coefficients = {(0,) * len(next(iter(target or subtracted))): Fraction(1)}
     for index, (basis, factor) in enumerate(zip(bases, (one, *constraints), strict=True)):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import numpy as np
-
 from certify.bounds.rationals import round_down, round_up, sqrt_up
 from certify.inequalities.exact_psd import (
     PositiveDefinite,
@@ -40,6 +38,8 @@ def largest_eigenvalue_bound(P: Matrix, rtol: Fraction = TOLERANCE) -> Fraction:
 
     Raises ``ValueError`` if ``P`` is not symmetric or empty.
     """
+    import numpy as np
+
     if not P or not is_symmetric(P):
         raise ValueError("eigenvalue bounds need a symmetric matrix that is not empty")
     if diagonal([row[i] for i, row in enumerate(P)]) == P:

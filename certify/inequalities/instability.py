@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-import cvxpy
 import numpy as np
 
 from certify.inequalities import semidefinite
@@ -75,6 +74,8 @@ def _prove(vertices: Sequence[Matrix], P: Matrix, method: str) -> InstabilityPro
 
 
 def _growing_form(systems: Sequence[FloatMatrix]) -> FloatMatrix | str:
+    import cvxpy
+
     n = len(systems[0])
     Q, size, unit = cvxpy.Variable((n, n), symmetric=True), cvxpy.Variable(), np.eye(n)
     constraints = [A.T @ Q + Q @ A >> unit for A in systems] + [Q << size * unit, Q >> -size * unit]

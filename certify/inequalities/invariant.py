@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from fractions import Fraction
 from itertools import product
 
-import cvxpy
-import numpy as np
 from flint import fmpq, fmpq_mat
 
 from certify.inequalities import semidefinite
@@ -88,6 +86,9 @@ def _combine(basis: Sequence[Matrix], weights: Sequence[Fraction]) -> Matrix:
 
 def _weights(basis: Sequence[Matrix], points: Sequence[Row], emphasis: int | None) -> list[tuple[Fraction, ...]]:
     """Weights that keep ``Σ_k (Q⁻¹)_kk / size_k²`` small where ``pᵀQp <= 1`` at every point; estimates."""
+    import cvxpy
+    import numpy as np
+
     if not basis or not points:
         return []
     n = len(basis[0])

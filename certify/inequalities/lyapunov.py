@@ -11,9 +11,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
-import cvxpy
-import numpy as np
-
 from certify.bounds.rationals import round_up
 from certify.inequalities import semidefinite
 from certify.inequalities.eigenvalues import largest_eigenvalue_bound, smallest_eigenvalue_bound
@@ -146,6 +143,8 @@ def _estimates(
     vertices: Sequence[Matrix], rhs: Matrix, decay: Fraction, objective: Objective, scaling: Scaling, margin: float
 ) -> Iterator[tuple[str, FloatMatrix | str]]:
     """Float candidates in scaled states with a margin, each with the name of its method, or why there is none."""
+    import numpy as np
+
     systems = [to_float(scaling.system(A)) for A in vertices]
     weight = to_float(scaling.form(rhs))
     size = float(np.max(np.abs(weight))) or 1.0
@@ -164,6 +163,9 @@ def _scaled(estimate: FloatMatrix | str, size: float) -> FloatMatrix | str:
 def _linear_matrix_inequality(
     systems: Sequence[FloatMatrix], slack: FloatMatrix, decay: float, objective: Objective, scaling: Scaling
 ) -> FloatMatrix | str:
+    import cvxpy
+    import numpy as np
+
     n = len(slack)
     Q, level = cvxpy.Variable((n, n), symmetric=True), cvxpy.Variable()
     constraints = [A.T @ Q + Q @ A + 2 * decay * Q + slack << 0 for A in systems]

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-import numpy as np
-import numpy.typing as npt
 import sympy
 from flint import fmpq, fmpq_mat
 
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
 Row = tuple[Fraction, ...]
 Matrix = tuple[Row, ...]
-FloatMatrix = npt.NDArray[np.float64]
+FloatMatrix: TypeAlias = "npt.NDArray[np.float64]"
 
 
 def matrix(rows: Iterable[Iterable[Any]]) -> Matrix:
@@ -43,6 +45,8 @@ def from_flint(A: fmpq_mat) -> Matrix:
 
 def to_float(A: Matrix) -> FloatMatrix:
     """The nearest floats, for estimates and solvers only; raises ``OverflowError`` beyond the range of floats."""
+    import numpy as np
+
     return np.array([[float(entry) for entry in row] for row in A], dtype=np.float64).reshape(shape(A))
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-import numpy as np
-
 from certify.inequalities.matrices import FloatMatrix, Matrix
 
 PRECISIONS = (10, 14, 20, 28, 38, 50)
@@ -17,6 +15,8 @@ def round_symmetric(values: FloatMatrix, bits: int) -> Matrix:
 
     Raises ``ValueError`` for entries that are not finite.
     """
+    import numpy as np
+
     if not np.all(np.isfinite(values)):
         raise ValueError("only finite numbers can be rounded to rationals")
     size = float(np.max(np.abs(values), initial=0.0))
@@ -40,12 +40,16 @@ def roundings(values: FloatMatrix, precisions: Sequence[int] = PRECISIONS) -> It
 
 def round_vector(values: Sequence[float], bits: int) -> tuple[Fraction, ...]:
     """The same for a list of coefficients, each relative to the largest one."""
+    import numpy as np
+
     column = np.asarray(values, dtype=np.float64)
     return tuple(row[i] for i, row in enumerate(round_symmetric(np.diag(column), bits)))
 
 
 def power_of_two(value: float) -> Fraction:
     """The power of two nearest to a positive float, in the sense of its logarithm."""
+    import numpy as np
+
     if not value > 0 or not np.isfinite(value):
         raise ValueError(f"{value} has no power of two near it")
     return Fraction(2) ** round(float(np.log2(value)))

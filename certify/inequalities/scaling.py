@@ -7,9 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-import numpy as np
-import scipy.linalg
-
 from certify.inequalities.matrices import FloatMatrix, Matrix, to_float
 from certify.inequalities.rounding import power_of_two
 
@@ -57,12 +54,17 @@ def scalings(vertices: Sequence[Matrix], rhs: Matrix) -> Iterator[Scaling]:
 
 def balanced_states(vertices: Sequence[Matrix]) -> Scaling:
     """States in which the rows and columns of the matrices have like sizes."""
+    import numpy as np
+    import scipy.linalg
+
     size = sum(np.abs(to_float(A)) for A in vertices)
     _, (factors, _) = scipy.linalg.matrix_balance(size, permute=False, separate=True)
     return Scaling("balanced states", tuple(power_of_two(1 / float(factor)) for factor in factors))
 
 
 def _normalised(vertices: Sequence[Matrix], rhs: Matrix, balanced: Scaling) -> Scaling | None:
+    import numpy as np
+
     mean = np.mean([to_float(balanced.system(A)) for A in vertices], axis=0)
     weight = to_float(balanced.form(rhs))
     Q = lyapunov_estimate(mean, weight + np.eye(len(mean)) * np.max(np.abs(weight)) * 1e-9)
@@ -79,6 +81,9 @@ def _normalised(vertices: Sequence[Matrix], rhs: Matrix, balanced: Scaling) -> S
 
 def lyapunov_estimate(A: FloatMatrix, R: FloatMatrix) -> FloatMatrix | None:
     """The float solution of ``AᵀP + PA = −R``, or ``None`` where there is none."""
+    import numpy as np
+    import scipy.linalg
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
