@@ -54,7 +54,7 @@ def read_agents(root: Table, count: int | None, scope: Scope) -> tuple[Agent, ..
     own = {name: messages.OWN_CONSTANT(name=name) for table in tables for name in _keys_of(table, "constants")}
     example = "initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }"
     box = root.read("initial", example, Table, Table({}, root.at("initial")))
-    initial = InitialTable(box, own) if "initial" in root else None
+    initial = InitialTable(box, own.get) if "initial" in root else None
     declared = frozenset(name for table in tables for name in _declared_in(table))
     agents: dict[int, Agent | None] = {}
     for table, numbers in _shares(tables, where, count):
@@ -216,19 +216,20 @@ class _AgentReader:
         return self.table.read(key, example, partial(self.expression, names=names, because=because), ZERO)
 
     def expression(self, value: Value, where: Where, names: Sequence[str], because: str) -> Written:
-        return expression(value, where, self.scope.values(*names), self.refused(names, because))
+        return expression(value, where, self.scope.values(*names), partial(self.refused, names, because))
 
-    def refused(self, names: Sequence[str], because: str) -> dict[str, Reason]:
-        """Why a name that means something elsewhere may not appear in an expression of these names."""
-        scope, order = self.scope, self.order
-        reasons = {name: messages.OTHER_AGENTS(name=name) for name in self.declared}
-        reasons |= {"u": messages.INPUT_IN_F(), "y": messages.OUTPUT(), "t": messages.TIME()}
-        elsewhere = {*_chain(MAX_ORDER), *scope.exosystem, *scope.zero_states, *scope.parameters, str(COST_VARIABLE)}
-        reasons |= {name: messages.NOT_HERE(name=quoted(name), because=because) for name in elsewhere - set(names)}
-        if order is not None and self.chain[-1] in names:
-            higher = partial(messages.HIGHER_STATE, order=order, next=order + 1, chain=", ".join(self.chain))
-            reasons |= {name: higher(name=name) for name in _chain(MAX_ORDER)[order:]}
-        return reasons
+    def refused(self, names: Sequence[str], because: str, name: str) -> Reason | None:
+        """Why a name that means something elsewhere may not appear in an expression of the ``names``."""
+        scope, chain = self.scope, _chain(MAX_ORDER)
+        if self.order is not None and self.chain[-1] in names and name in chain[self.order :]:
+            states = ", ".join(self.chain)
+            return messages.HIGHER_STATE(name=name, order=self.order, next=self.order + 1, chain=states)
+        if name in (*chain, *scope.exosystem, *scope.zero_states, *scope.parameters, str(COST_VARIABLE)):
+            return messages.NOT_HERE(name=quoted(name), because=because)
+        special = {"u": messages.INPUT_IN_F, "y": messages.OUTPUT, "t": messages.TIME}.get(name)
+        if special is not None:
+            return special()
+        return messages.OTHER_AGENTS(name=name) if name in self.declared else None
 
     def zero_dynamics(self, table: Table) -> tuple[Written, ...]:
         scope = self.scope

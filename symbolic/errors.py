@@ -61,14 +61,22 @@ class InputError(ValueError):
         return InputError, self.lines
 
 
+class Enough(Exception):
+    """More is wrong with a file than anybody wants to read."""
+
+
 class Problems:
-    """What was found wrong so far, by a reader that goes on after a fault."""
+    """What was found wrong so far, by a reader that goes on after a fault, up to ``MAX_PROBLEMS``."""
 
     def __init__(self) -> None:
-        self.found: list[Problem] = []
+        self.found: dict[Problem, None] = {}
 
     def add(self, error: InputError) -> None:
-        self.found += [problem for problem in error.problems if problem not in self.found]
+        """Raises ``Enough`` when there are more than ``MAX_PROBLEMS``."""
+        for problem in error.problems:
+            self.found.setdefault(problem)
+            if len(self.found) > MAX_PROBLEMS:
+                raise Enough
 
     def finish(self, places: Callable[[], Places]) -> None:
         """Raises ``InputError`` with everything that was found, in the order of the file; returns if nothing was."""
@@ -76,8 +84,7 @@ class Problems:
             return
         text = places()
         located = sorted((problem.located(text) for problem in self.found), key=lambda one: one.position or (0, 0))
-        rest = len(located) - MAX_PROBLEMS
-        more = [f"{located[0].file}: {rest} more"] if rest > 0 else []
+        more = [f"{located[0].file}: and more"] if len(located) > MAX_PROBLEMS else []
         raise InputError(*located[:MAX_PROBLEMS], *more)
 
 

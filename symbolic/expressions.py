@@ -7,10 +7,11 @@ would pass a bound is refused unbuilt. Constants also carry a ball, so that ``lo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from itertools import islice
 
 import sympy
 from flint import arb
@@ -26,13 +27,19 @@ from symbolic.rational_value import folded
 from symbolic.size import MAX_EXPONENT, MAX_ROOT, MAX_ROOT_BITS, Size, size_of_power, size_of_product, size_of_sum
 
 Names = Mapping[str, sympy.Expr] | Set[str]
+Refusal = Callable[[str], Reason | None]
 
+MAX_UNKNOWN = 5  # names of one expression that are complained of
 MAX_HEIGHT = 20  # of a constant; SymPy decides its sign in time that can double with every level
 
 _BUILT_IN = dict(zip(CONSTANTS, (sympy.pi,), strict=True))
 _FUNCTIONS = {f.__name__: f for f in FUNCTION_BALLS} | {"sqrt": sympy.sqrt}
 _ATOMS = (sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))
 _HEADS = (sympy.Add, sympy.Mul, sympy.Pow, *FUNCTION_BALLS)
+
+
+def unrefused(name: str) -> None:
+    """No name is known elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -43,39 +50,37 @@ class Written:
     guards: tuple[Guard, ...] = ()
 
 
-def parse_expression(
-    text: str, names: Names, *, where: Where, refused: Mapping[str, Reason] | None = None
-) -> sympy.Expr:
+def parse_expression(text: str, names: Names, *, where: Where, refused: Refusal = unrefused) -> sympy.Expr:
     """The expression in the declared names; a set of names stands for the symbols of those names.
 
-    ``refused`` gives the reason why a name known elsewhere may not appear here. The result is made of sums, products,
-    powers with rational exponents, the functions of the language, rationals, π, e and the given values.
-    Raises ``InputError`` with the column (counted from 1).
+    ``refused`` gives the reason why a name known elsewhere may not appear here, ``None`` for others. The result is made
+    of sums, products, powers with rational exponents, the functions of the language, rationals, π, e and the given
+    values. Raises ``InputError`` with the column (counted from 1).
     """
     return parse_written(text, names, where=where, refused=refused).expr
 
 
-def parse_written(text: str, names: Names, *, where: Where, refused: Mapping[str, Reason] | None = None) -> Written:
+def parse_written(text: str, names: Names, *, where: Where, refused: Refusal = unrefused) -> Written:
     """``parse_expression`` with the guards of all parts of the text, innermost first."""
     values = names if isinstance(names, Mapping) else {name: symbol(name) for name in names}
     try:
         bindings: list[tuple[str, sympy.Expr]] = []
-        unknown: list[Problem] = []
+        unknown: dict[str, int] = {}
         for used in _names_of(text):
             known = _BUILT_IN.get(used.name) or values.get(used.name)
             if known is None:
-                reason = (refused or {}).get(used.name) or _unknown(used.name, values)
-                unknown += where.error(reason, used.column).problems
+                unknown.setdefault(used.name, used.column)
             bindings.append((used.name, known))
         if unknown:
-            raise InputError(*{problem.reason: problem for problem in reversed(unknown)}.values())
+            first = islice(unknown.items(), MAX_UNKNOWN)
+            raise InputError(*(_problem(name, column, values, where, refused) for name, column in first))
         return _evaluated(text, tuple(dict.fromkeys(bindings)))
     except ExpressionError as error:
         raise where.error(error.reason, error.column) from None
 
 
 def parse_constant(
-    text: str, names: Mapping[str, sympy.Expr], *, where: Where, refused: Mapping[str, Reason] | None = None
+    text: str, names: Mapping[str, sympy.Expr], *, where: Where, refused: Refusal = unrefused
 ) -> sympy.Expr:
     """An exact, finite, real constant such as ``sqrt(2)/3`` in declared constants. Raises ``InputError``.
 
@@ -91,9 +96,7 @@ def parse_constant(
     return expr
 
 
-def parse_number(
-    text: str, names: Mapping[str, sympy.Expr], *, where: Where, refused: Mapping[str, Reason] | None = None
-) -> Fraction:
+def parse_number(text: str, names: Mapping[str, sympy.Expr], *, where: Where, refused: Refusal = unrefused) -> Fraction:
     """A rational constant in declared constants. Raises ``InputError``."""
     expr = parse_constant(text, names, where=where, refused=refused)
     if not isinstance(expr, sympy.Rational):
@@ -145,6 +148,12 @@ def _walk(node: Node) -> Iterator[Name]:
         case Power(base, exponent):
             yield from _walk(base)
             yield from _walk(exponent)
+
+
+def _problem(name: str, column: int, values: Mapping[str, sympy.Expr], where: Where, refused: Refusal) -> Problem:
+    """A name that is not known here."""
+    (problem,) = where.error(refused(name) or _unknown(name, values), column).problems
+    return problem
 
 
 def _unknown(name: str, values: Mapping[str, sympy.Expr]) -> Reason:

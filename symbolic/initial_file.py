@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import partial
 
 from symbolic import messages
 from symbolic.errors import Where, did_you_mean, nearest, quoted
+from symbolic.expressions import Refusal
 from symbolic.interval import Interval
 from symbolic.messages import Reason
 from symbolic.names import Scope
@@ -27,7 +28,7 @@ class InitialTable:
     per component, or a table by component; a component that the table leaves out takes ``box``.
     """
 
-    def __init__(self, table: Table, refused: Mapping[str, Reason]) -> None:
+    def __init__(self, table: Table, refused: Refusal) -> None:
         """``refused`` gives the reason why a name that is known elsewhere is not known here."""
         table.allow(KEYS)
         self.table = table

@@ -44,7 +44,7 @@ class Scope:
             where = table.at(name)
             later.pop(name)
             if self._is_new(name, where, constants):
-                constants[name] = where.attempt(partial(constant, value, where, constants, later), STAND_IN)
+                constants[name] = where.attempt(partial(constant, value, where, constants, later.get), STAND_IN)
         irrational = sum(not isinstance(value, sympy.Rational) for value in constants.values())
         if table.entries and irrational > MAX_IRRATIONAL:
             table.where.report(messages.IRRATIONAL(most=MAX_IRRATIONAL))

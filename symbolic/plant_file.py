@@ -17,7 +17,7 @@ import sympy
 
 from symbolic import messages
 from symbolic.agent_file import MAX_AGENTS, read_agents
-from symbolic.errors import InputError, Problem, Problems, Where, quoted, shown
+from symbolic.errors import Enough, InputError, Problem, Problems, Where, quoted, shown
 from symbolic.names import STAND_IN, Scope
 from symbolic.plant import Digraph, Edge, Exosystem, Interval, Plant, symbol
 from symbolic.requested_file import read_requested
@@ -73,7 +73,10 @@ def parse_plant(data: bytes, source: str) -> Plant:
     each fault."""
     problems = Problems()
     root = read_toml(data, Where(source, problems=problems))
-    plant = root.where.attempt(partial(_plant, root, data), None)
+    try:
+        plant = root.where.attempt(partial(_plant, root, data), None)
+    except Enough:
+        plant = None
     problems.finish(lambda: Places(data.decode("utf-8")))
     assert plant is not None  # or there was a problem
     return plant

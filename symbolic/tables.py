@@ -14,7 +14,7 @@ import sympy
 from symbolic import messages
 from symbolic.constants import as_rational
 from symbolic.errors import InputError, Problem, Where, nearest, quoted, shown
-from symbolic.expressions import Written, parse_constant, parse_number, parse_written
+from symbolic.expressions import Refusal, Written, parse_constant, parse_number, parse_written, unrefused
 from symbolic.grammar import NumberError, decimal
 from symbolic.messages import Reason
 from symbolic.plant import Interval
@@ -198,9 +198,7 @@ def literal(value: Value, where: Where) -> Fraction | None:
     raise where.error(messages.NUMBER(found=kind(value)))
 
 
-def number(
-    value: Value, where: Where, constants: Mapping[str, sympy.Expr], refused: Mapping[str, Reason] | None = None
-) -> Fraction:
+def number(value: Value, where: Where, constants: Mapping[str, sympy.Expr], refused: Refusal = unrefused) -> Fraction:
     """A rational number: a TOML number, or a string with an expression of constants."""
     exact = literal(value, where)
     return parse_number(str(value), constants, where=where, refused=refused) if exact is None else exact
@@ -221,7 +219,7 @@ def not_negative(value: Value, where: Where, constants: Mapping[str, sympy.Expr]
 
 
 def constant(
-    value: Value, where: Where, constants: Mapping[str, sympy.Expr], refused: Mapping[str, Reason] | None = None
+    value: Value, where: Where, constants: Mapping[str, sympy.Expr], refused: Refusal = unrefused
 ) -> sympy.Expr:
     """An exact real constant, possibly irrational."""
     exact = literal(value, where)
@@ -230,9 +228,7 @@ def constant(
     return as_rational(exact)
 
 
-def expression(
-    value: Value, where: Where, names: Mapping[str, sympy.Expr], refused: Mapping[str, Reason] | None = None
-) -> Written:
+def expression(value: Value, where: Where, names: Mapping[str, sympy.Expr], refused: Refusal = unrefused) -> Written:
     """An expression in the names, and the guards of its parts; a TOML number is one too."""
     exact = literal(value, where)
     if exact is None:
@@ -245,9 +241,7 @@ def is_interval(value: Value) -> bool:
     return isinstance(value, list) and len(value) == 2 and not any(isinstance(end, list | dict) for end in value)
 
 
-def interval(
-    value: Value, where: Where, constants: Mapping[str, sympy.Expr], refused: Mapping[str, Reason] | None = None
-) -> Interval:
+def interval(value: Value, where: Where, constants: Mapping[str, sympy.Expr], refused: Refusal = unrefused) -> Interval:
     """A pair ``[lo, hi]`` of rational numbers, or one number for a point."""
     if not isinstance(value, list):
         point = number(value, where, constants, refused)

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from symbolic.errors import InputError, Where
 from symbolic.expressions import parse_constant, parse_expression, parse_number
 from symbolic.grammar import FUNCTIONS, MAX_DEPTH, MAX_LENGTH, MAX_NODES
+from symbolic.messages import Reason
 from symbolic.plant import symbol
 
 WHERE = Where("plant.toml").at("agent").at(1).at("f")
@@ -292,7 +293,7 @@ def test_a_bound_on_constants_holds_for_the_constants_that_names_stand_for() -> 
 
 def test_a_name_known_elsewhere_is_refused_with_the_reason_given() -> None:
     with pytest.raises(InputError, match=r"^plant\.toml: agent\[1\]\.f: column 5: only x1 here$"):
-        parse_expression("1 + x2", {"x1": X}, where=WHERE, refused={"x2": "only x1 here"})
+        parse_expression("1 + x2", {"x1": X}, where=WHERE, refused={"x2": Reason("only x1 here")}.get)
 
 
 @pytest.mark.parametrize(

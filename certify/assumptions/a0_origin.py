@@ -26,6 +26,8 @@ SLACK = Fraction(1, 10**6)
 MAX_POINTS = 1000
 Point = dict[sympy.Symbol, sympy.Rational]
 
+CONSTANT_LOAD = "a constant load is an exosystem state with a zero row in S, and its size the state's initial value"
+
 
 def check_origin(agent: Agent, exosystem: Exosystem) -> Finding:
     """Decide A0 for one agent. Evidence: ``b_min``, or the parameter point where a condition breaks."""
@@ -73,7 +75,7 @@ def _not_at_rest(agent: Agent, exosystem: Exosystem) -> Finding | None:
                 "A0",
                 agent.id,
                 "fails",
-                f"{name} is {value} at the origin, not 0{where}",
+                f"{name} is {value} at the origin, not 0{where}; {CONSTANT_LOAD}",
                 {"value": str(value), "at": at},
             )
         if test.verdict == "unknown":

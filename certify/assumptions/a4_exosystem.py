@@ -21,6 +21,12 @@ from symbolic.constants import PRECISION, enclose
 from symbolic.plant import Exosystem
 
 EIGENVALUE = sympy.Symbol("lambda")
+LASTING = (
+    "S may hold constants and undamped oscillations only: what grows is not bounded, what decays is not in the theory"
+)
+RAMP = (
+    "a ramp or a growing oscillation is not bounded; a constant with an interval as its initial value may stand for it"
+)
 _PRECISIONS = (64, 256, 1024, 4096)
 
 
@@ -47,7 +53,7 @@ def check_exosystem(exosystem: Exosystem) -> Finding:
             "A4", None, "unknown", str(undecided), {"characteristic_polynomial": str(characteristic.as_expr())}
         )
     if off_axis is not None:
-        return Finding("A4", None, "fails", off_axis, _off_axis_witness(characteristic))
+        return Finding("A4", None, "fails", f"{off_axis}; {LASTING}", _off_axis_witness(characteristic))
     if not _annihilates(radical, matrix):
         return _defective(characteristic, matrix)
     return Finding(
@@ -161,7 +167,7 @@ def _defective(characteristic: sympy.Poly, matrix: DomainMatrix) -> Finding:
             }
             reason = (
                 f"Jordan block: each root of {factor.as_expr()} is an eigenvalue of multiplicity {multiplicity} "
-                f"with only {eigenvectors} independent eigenvector{'s' if eigenvectors > 1 else ''}"
+                f"with only {eigenvectors} independent eigenvector{'s' if eigenvectors > 1 else ''}; {RAMP}"
             )
             return Finding("A4", None, "fails", reason, evidence)
     raise ArithmeticError(
