@@ -8,6 +8,7 @@ import random
 import shutil
 import subprocess
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from certify.export.modes import modes
 from certify.export.observer import luenberger
 from certify.export.package import Options, Package, json_text, package
 from certify.export.python_text import python_files
+from certify.export.sampled_stability import sampled_loops
 from reports.command_line.demonstration import demonstration_controller
 from sims.sampled_loop import Run, Start, centre, run_network
 from symbolic.controller import AgentController
@@ -72,7 +74,10 @@ def plant_of(*changes: tuple[str, str]) -> Plant:
     return parse_plant(text.encode(), "trio.toml")
 
 
-def made(plant: Plant, options: Options = Options(), **claim: str) -> Package:
+PERIODS = Options(period=Fraction(1, 200), coordinator_period=Fraction(1, 50))
+
+
+def made(plant: Plant, options: Options = PERIODS, **claim: str) -> Package:
     """The package of the plant file's own gains; nothing here is certified."""
     controller = demonstration_controller(plant, derive(plant, COST_VARIABLE))
     entries = [{"id": str(law.id)} for law in controller.agents]
@@ -234,7 +239,7 @@ def final_error(plant: Plant, found: Run) -> float:
     return max(tail)
 
 
-@pytest.mark.parametrize("options", [Options(), Options(arithmetic="single")])
+@pytest.mark.parametrize("options", [PERIODS, replace(PERIODS, arithmetic="single")])
 def test_outputs_settle_at_the_optimum(tmp_path: Path, options: Options) -> None:
     """A sinusoid and a constant disturb the loop, and the internal model in discrete time takes both away."""
     plant = plant_of()
@@ -307,6 +312,33 @@ def test_a_missed_sample_is_one_that_was_as_predicted(tmp_path: Path) -> None:
     assert [one.m1, one.m2, one.m3] == pytest.approx(held, abs=1e-12)
 
 
+@pytest.mark.parametrize("number", [1, 2])
+def test_the_linearised_sampled_loop_is_that_of_the_exported_step(tmp_path: Path, number: int) -> None:
+    """Near rest a run decays at the spectral radius that is estimated, with and without delay."""
+    text = TRIO.replace(" + v1 + v3", "").replace(" + v1", "").replace("(s - 1)^2", "s^2")
+    text = text.replace("s^2 + log(1 + exp(s))", "s^2").replace("p = [-2, -1]", "p = [-2, -2]")
+    text = text.replace("reference = [0, 1]", "reference = 0")
+    plant = parse_plant(text.encode(), "trio.toml")
+    period = Fraction(1, 60)
+    package = made(plant, Options(period=period, coordinator_period=period))
+    loop = sampled_loops(plant, demonstration_controller(plant, derive(plant, COST_VARIABLE)))[number - 1]
+    starts = [Start(tuple(1e-6 for _ in s.states), s.parameters) for s in centre(plant)]
+    decays = []
+    for late in (0, 4):
+        found = run(plant, package, tmp_path, 8, starts=starts, late={1: late, 2: late, 3: late})
+        y = np.abs(found.outputs[number - 1])
+        first, last = y[60:120].max(), y[300:360].max()
+        decays.append((last / first) ** (1 / 240))
+    assert max(decays) == pytest.approx(loop.radius(period), abs=5e-3)
+
+
+def test_a_period_that_destabilises_is_refused_with_one_that_looks_stable() -> None:
+    with pytest.raises(
+        InputError, match=r"with 1/2 the linearised sampled loop of agent 1 is unstable .* looks stable"
+    ):
+        made(plant_of(), Options(period=Fraction(1, 2), coordinator_period=Fraction(1, 2)))
+
+
 # --- C ----------------------------------------------------------------------------------------------------------------
 
 
@@ -328,7 +360,7 @@ def test_c_writes_what_python_writes_bit_by_bit(tmp_path: Path, arithmetic: str)
     resolution = 'implementation = { period = "1/500", input_resolution = "1/64" }\ngains'
     for number, changes in enumerate([(), (("gains", resolution),), (("observer = 0", 'observer = "measured"'),)]):
         plant, draw = plant_of(*changes), random.Random(number)
-        package = made(plant, Options(arithmetic=arithmetic))  # type: ignore[arg-type]
+        package = made(plant, replace(PERIODS, arithmetic=arithmetic))  # type: ignore[arg-type]
         corner = [Start(tuple(1.0 for _ in s.states), s.parameters) for s in centre(plant)]
         noisy = run(plant, package, tmp_path, 2, starts=corner, noise=lambda agent, k, draw=draw: draw.gauss(0, 1e-2))
         write(package, tmp_path, noisy.lines)
@@ -410,3 +442,12 @@ def test_periods_that_do_not_fit_are_refused(options: Options, reason: str) -> N
             made(plant_of(), options)
     else:
         assert {program.substeps for program in made(plant_of(), options).programs} == {3}
+
+
+def test_chosen_periods_have_a_margin() -> None:
+    plant = plant_of()
+    package, controller = made(plant, Options()), demonstration_controller(plant, derive(plant, COST_VARIABLE))
+    (period,) = {program.period for program in package.programs}
+    assert all(loop.radius(5 * period) < 1 for loop in sampled_loops(plant, controller))
+    assert (package.programs[0].substeps * period) * 5 < Fraction(2, 3)  # where xi could reach zero
+    assert "chosen by a rule of thumb" in package.notice[1] and "by the user" in made(plant).notice[1]

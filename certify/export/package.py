@@ -12,6 +12,7 @@ from certify.export.agent_program import AgentProgram, State, agent_program, mid
 from certify.export.coordination import coordinator, coordinator_gains, coordinator_program
 from certify.export.formats import DOUBLE, FORMATS, Arithmetic, Constant, constant
 from certify.export.periods import coordinator_period, sampling_period
+from certify.export.sampled_stability import SampledLoop, sampled_loops
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Plant
@@ -44,9 +45,12 @@ def package(
         raise InputError("a network of one agent has nobody to exchange messages with; the export needs two")
     asked = [plant.implementation_of(agent.id) for agent in plant.agents]
     chosen = options.period is None and all(part is None for part in asked)
-    common = sampling_period(plant.agents, controller.agents) if chosen else options.period
+    loops = sampled_loops(plant, controller)
+    common = sampling_period(plant.agents, controller.agents, loops) if chosen else options.period
     periods = [common if part is None or common is not None else part.period for part in asked]
     gains = coordinator_gains(claim)
+    for agent, loop, period in zip(plant.agents, loops, _known(periods), strict=True):
+        _require_stable(agent.id, loop, period)
     rounds = options.coordinator_period or plant.coordinator.period
     if rounds is None:
         rounds = coordinator_period(plant, gains, max(_known(periods)))
@@ -72,13 +76,25 @@ def package(
     return Package(tuple(programs), digest, tuple(_notice(plant, theorem, chosen)))
 
 
+def _require_stable(agent: int, loop: SampledLoop, period: Fraction) -> None:
+    radius = loop.radius(period)
+    if radius < 1:
+        return
+    shorter = loop.shorter(period)
+    advice = "" if shorter is None else f"; {float(shorter):.2g} looks stable"
+    raise InputError(
+        f"period: with {period} the linearised sampled loop of agent {agent} is unstable (spectral radius "
+        f"{radius:.3f}, an estimate){advice}"
+    )
+
+
 def _known(periods: Sequence[Fraction | None]) -> list[Fraction]:
     return [period for period in periods if period is not None]
 
 
 def _notice(plant: Plant, theorem: str, chosen: bool) -> list[str]:
     """What is proved about this code and what is not."""
-    by = "a rule of thumb (20 samples per period of the fastest pole)" if chosen else "the user"
+    by = "a rule of thumb (at least 20 samples per period of the fastest pole)" if chosen else "the user"
     return [
         f"The theorem {theorem} proves the claim for the controller in continuous time.",
         f"Nothing is proved about sampling: the period was chosen by {by}.",

@@ -10,18 +10,27 @@ import numpy as np
 
 from certify.curvature import Curvature, cost_curvature
 from certify.export.coordination import CoordinatorGains
+from certify.export.sampled_stability import SampledLoop
 from symbolic.controller import AgentController
+from symbolic.errors import InputError
 from symbolic.network import laplacian
 from symbolic.plant import Agent, Plant
 
 SAMPLES_PER_PERIOD = 20  # of the fastest pole: the usual rule asks for 10 to 20
+MARGIN = 5  # between the period and one at which the linearised sampled loop looks stable
+MOST_SHORTENINGS = 30  # ten decades
 ROUNDS_PER_TIME_CONSTANT = 4  # of the fastest rate of the coordinator; Euler itself would bear one half
 
 
-def sampling_period(agents: Sequence[Agent], laws: Sequence[AgentController]) -> Fraction:
-    """One period for all agents, in seconds: 1, 2 or 5 times a power of ten."""
+def sampling_period(agents: Sequence[Agent], laws: Sequence[AgentController], loops: Sequence[SampledLoop]) -> Fraction:
+    """One period for all agents, in seconds: 1, 2 or 5 times a power of ten, whose quintuple still looks stable."""
     fastest = max(_fastest(agent, law) for agent, law in zip(agents, laws, strict=True))
-    return round_number(2 * math.pi / (SAMPLES_PER_PERIOD * fastest))
+    period = round_number(2 * math.pi / (SAMPLES_PER_PERIOD * fastest))
+    for _ in range(MOST_SHORTENINGS):
+        if all(loop.radius(MARGIN * period) < 1 for loop in loops):
+            return period
+        period = round_number(0.99 * float(period))
+    raise InputError("no sampling period was found for which the sampled loop looks stable; give one by --period")
 
 
 def coordinator_period(plant: Plant, gains: CoordinatorGains, period: Fraction) -> Fraction:
