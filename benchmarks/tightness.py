@@ -25,7 +25,7 @@ import sympy
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
 from certify.gains.linear_stability import necessary_condition
 from certify.optimum import optimum
-from certify.pipeline import design_gains
+from certify.pipeline import GainsResult, design_gains
 from sims.falsifier import falsify
 from symbolic.controller import AgentController, Controller
 from symbolic.derivation import derive
@@ -51,6 +51,15 @@ def cases() -> dict[str, str]:
     return found
 
 
+def least_gains(result: GainsResult, controller: Controller) -> Controller:
+    """Those that the search starts the default from: the least that are certified are what tightness is about."""
+    laws = []
+    for agent, law in zip(result.agents, controller.agents, strict=True):
+        named = [other.controller for other in agent.alternatives if other.label == "least gains"]
+        laws.append(named[0] if named else law)
+    return dataclasses.replace(controller, agents=tuple(laws))
+
+
 def route(plant: Plant, name: str) -> tuple[Json, Controller | None]:
     """Gains of one route by agent, or the reason why there are none."""
     begin = time.monotonic()
@@ -58,7 +67,7 @@ def route(plant: Plant, name: str) -> tuple[Json, Controller | None]:
     row: Json = {"status": result.status, "seconds": round(time.monotonic() - begin, 1)}
     if result.certificate is None:
         return {**row, "reason": result.reason}, None
-    controller = _controller(result.certificate["claim"])
+    controller = least_gains(result, _controller(result.certificate["claim"]))
     row["agents"] = {
         str(law.id): [_magnitude(law.g), _magnitude(law.K), _magnitude(law.h)] for law in controller.agents
     }

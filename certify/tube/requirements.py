@@ -23,6 +23,9 @@ ROUNDED = 1e-7  # how far rounding parts a double root; the checker decides exac
 DIGITS = 2  # of the gains that are tried
 
 
+Score = Callable[[Trial, Performance], float]
+
+
 @dataclass(frozen=True)
 class Shortfall:
     """One requirement that is missed: what was asked and what the best trial proves, in the words of the plant file."""
@@ -77,7 +80,7 @@ class Wanted:
     def missed(self, found: Performance) -> tuple[Shortfall, ...]:
         return tuple(one for one in self.ratios(found) if one.ratio > 1)
 
-    def score(self, found: Performance) -> float:
+    def score(self, trial: Trial, found: Performance) -> float:
         """0 and less where all are met."""
         logs = [log(max(one.ratio, 1e-9)) if one.ratio < inf else 1e3 for one in self.ratios(found)]
         over = sum(max(entry, 0.0) for entry in logs)
@@ -103,7 +106,7 @@ class Descent:
         self.passed: list[tuple[Trial, Performance]] = []
         self.most = most
 
-    def down(self, start: Trial, score: Callable[[Performance], float], enough: float) -> tuple[Trial, Performance]:
+    def down(self, start: Trial, score: Score, enough: float) -> tuple[Trial, Performance]:
         """The best trial; it ends at a score of ``enough``, or when no single change is better."""
         best, found, cap = start, self.measured(start), self.cap
         if cap is not None and start.gains.h is not None and start.gains.h > cap:
@@ -112,12 +115,12 @@ class Descent:
                 best, found = below
         for stride in STRIDES:
             improved = True
-            while improved and score(found) > enough and len(self.known) < self.most:
+            while improved and score(best, found) > enough and len(self.known) < self.most:
                 improved = False
                 for gains, delta in self.moves(best, stride, cap):
-                    while score(found) > enough and len(self.known) < self.most:
+                    while score(best, found) > enough and len(self.known) < self.most:
                         trial = self._attempt(gains, delta, best)
-                        if trial is None or score(self.measured(trial)) > score(found) - BETTER * stride:
+                        if trial is None or score(trial, self.measured(trial)) > score(best, found) - BETTER * stride:
                             break
                         ratio = _ratio(best, trial)
                         best, found, improved = trial, self.measured(trial), True
@@ -179,7 +182,7 @@ def meet(
 ) -> Met | Missed:
     """Gains that meet the requirements, from the starts in turn (those that do best first), or the nearest miss."""
     wanted = Wanted(asked)
-    order = sorted(descents, key=lambda pair: wanted.score(pair[0].measured(pair[1])))
+    order = sorted(descents, key=lambda pair: wanted.score(pair[1], pair[0].measured(pair[1])))
     nearest: tuple[float, Descent, Trial, Performance] | None = None
     tried = 0
     for descent, start in order:
@@ -189,7 +192,7 @@ def meet(
         tried += len(descent.known)
         if not wanted.missed(found):
             return Met(trial, tried)
-        score = wanted.score(found)
+        score = wanted.score(trial, found)
         if nearest is None or score < nearest[0]:
             nearest = score, descent, trial, found
     assert nearest is not None  # there is a start

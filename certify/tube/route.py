@@ -12,6 +12,7 @@ from certify.bounds.rationals import round_down, round_up
 from certify.certificate import Json
 from certify.preparation import Prepared
 from certify.results import AgentResult, Alternative
+from certify.tube.balance import balanced
 from certify.tube.certificate import BOX_BITS, tube_controller, tube_witness
 from certify.tube.largest_box import largest_box
 from certify.tube.performance import Performances
@@ -47,6 +48,11 @@ def tube_agent(
         if isinstance(met, str):
             return AgentResult(derived.id, "inconclusive", met, linear=linear), None, None
         found = (met, *(choice for choice in found if choice.trial is not met.trial))
+    elif requested.K is None and requested.h is None:
+        own = _own(trials, found[0].trial, prepared, index)
+        trial, reason = balanced(own, found[0].trial, requested, report)
+        least = Choice("least gains", found[0].reason, found[0].trial)
+        found = (Choice("balanced", reason, trial), *([least] if trial is not least.trial else []), *found[1:])
     if asked.region is not None:
         own = _own(trials, found[0].trial, prepared, index)
         largest = largest_box(own, found[0].trial, requested, asked, report)
