@@ -50,14 +50,16 @@ _RANGE = re.compile(r"\s*([0-9]{1,9})\s*(?:-|\.\.)\s*([0-9]{1,9})\s*")
 def read_agents(root: Table, count: int | None, scope: Scope) -> tuple[Agent, ...]:
     """The agents ``1 … count`` in order, each described by exactly one table; ``count`` may be unknown."""
     where = root.at("agent")
+    before = _faults(where)
     tables = _tables(root, where, count)
+    shares = _shares(tables, where, count, before)
     own = {name: messages.OWN_CONSTANT(name=name) for table in tables for name in _keys_of(table, "constants")}
     example = "initial = { box = [-1, 1], reference = 0, observer = 0, eta = 0 }"
     box = root.read("initial", example, Table, Table({}, root.at("initial")))
     initial = InitialTable(box, own.get) if "initial" in root else None
     declared = frozenset(name for table in tables for name in _declared_in(table))
     agents: dict[int, Agent | None] = {}
-    for table, numbers in _shares(tables, where, count):
+    for table, numbers in shares:
         whole = True  # agents that share a table share its faults
         for number in numbers:
             read = partial(_agent, table, number, scope.with_id(number), initial, declared)
@@ -69,11 +71,12 @@ def read_agents(root: Table, count: int | None, scope: Scope) -> tuple[Agent, ..
     return tuple(agent for _, agent in sorted(agents.items()) if agent is not None)
 
 
-def _shares(tables: list[Table], where: Where, count: int | None) -> list[tuple[Table, list[int]]]:
-    """The numbers of the agents of each table, each once; those that are missing are reported."""
+def _shares(tables: list[Table], where: Where, count: int | None, before: int) -> list[tuple[Table, list[int]]]:
+    """The numbers of the agents of each table, each once; those that are missing are reported, unless a fault that was
+    noted after the first ``before`` may be the reason."""
     shares: list[tuple[Table, list[int]]] = []
     described: set[int] = set()
-    before, length = _faults(where), 0
+    length = 0
     for table in tables:
         numbers: list[int] = table.read("ids", "ids = [1, 2]", partial(_ids, count=count or MAX_AGENTS), list[int]())
         length += len(numbers) * _text_length(table.entries)
@@ -88,7 +91,7 @@ def _shares(tables: list[Table], where: Where, count: int | None) -> list[tuple[
                 fresh.append(number)
         shares.append((table, fresh))
     missing = [number for number in range(1, (count or 0) + 1) if number not in described]
-    if missing and tables and _faults(where) == before:  # a fault in the ids may be why an agent is missing
+    if missing and _faults(where) == before:
         listed = f"{', '.join(map(str, missing[:5]))}{'...' if len(missing) > 5 else ''}"
         one = len(missing) == 1
         where.report(messages.NO_TABLE(agents=f"agent {listed} has" if one else f"agents {listed} have"))

@@ -174,6 +174,12 @@ def test_a_missing_table_is_shown_by_an_example(lines: int, message: str) -> Non
     assert message in refusal("\n".join(begun[:lines]))
 
 
+@pytest.mark.parametrize("agent", ["agent = []", "[agent]", "agent = 3", "agent = [3]", "agent = [{}]"])
+def test_agents_without_a_table_are_no_plant(agent: str) -> None:
+    begun = LONE[: LONE.index("[[agent]]")]
+    assert "agent" in refusal(f"{agent}\n{begun}" if "=" in agent else f"{begun}{agent}")
+
+
 def test_an_agent_in_two_tables() -> None:
     assert "agent[2].ids: agent 1 is described twice" in refusal(
         changed("agents = 1", "agents = 2", LONE) + LONE[LONE.index("[[agent]]") :]
