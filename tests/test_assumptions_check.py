@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from pathlib import Path
 
 import pytest
+from counted import at_most
 
 from certify.assumptions import CheckReport, Finding, check_assumptions
 from certify.assumptions.findings import Verdict
@@ -44,9 +44,8 @@ def plant(old: str = "", new: str = "") -> Plant:
 
 
 def test_the_example_holds_and_is_fast(five_agents: Plant) -> None:
-    start = time.perf_counter()
-    report = check_assumptions(five_agents)
-    assert time.perf_counter() - start < 3
+    with at_most(2_500_000):
+        report = check_assumptions(five_agents)
     assert report.status == "holds"
     assert [finding.id for finding in report.findings] == sorted(finding.id for finding in report.findings)
     assert len(report.findings) == 5 * 5 + 2

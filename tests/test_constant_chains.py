@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
+from counted import at_most
 
 from certify.checker.plant import read_plant
 from certify.checker.verdict import Malformed
@@ -49,21 +49,24 @@ def chain(link: str, length: int) -> bytes:
 @pytest.mark.parametrize("length", [49, 100, 400, 900])
 @pytest.mark.parametrize("link", LINKS)
 def test_long_chain_of_irrational_constants_is_refused_at_once(link: str, length: int) -> None:
-    data, start = chain(link, length), time.process_time()
-    with pytest.raises(InputError, match=r"48 constants that are not rational|nested too deeply|too large|write it"):
+    data = chain(link, length)
+    with (
+        at_most(15_000_000),
+        pytest.raises(InputError, match=r"48 constants that are not rational|nested too deeply|too large|write it"),
+    ):
         parse_plant(data, "chain.toml")
-    with pytest.raises(Malformed, match=r"48 constants that are not known|nested too deeply|too many parts|a constant"):
+    with (
+        at_most(15_000_000),
+        pytest.raises(Malformed, match=r"48 constants that are not known|nested too deeply|too many parts|a constant"),
+    ):
         read_plant(data)
-    assert time.process_time() - start < 5
 
 
 @pytest.mark.parametrize("depth", [12, 24, 200])
 def test_nested_exponentials_of_a_constant_are_refused_at_once(depth: int) -> None:
     """SymPy decides the sign of a constant in time that doubles with every level."""
-    start = time.process_time()
-    with pytest.raises(InputError, match="nested"):
+    with at_most(150_000), pytest.raises(InputError, match="nested"):
         parse_plant(with_constants(f'k = "{"exp(1/9*" * depth + "sqrt(2)" + ")" * depth}"'), "deep.toml")
-    assert time.process_time() - start < 5
 
 
 @pytest.mark.parametrize("text", NO_NUMBERS)

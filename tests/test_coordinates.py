@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import replace
 
 import pytest
 import sympy
+from counted import at_most
 from hand_built import CONSTANT, NOTHING, ROTATION, V1, V2, X1, X2, X3, X4, Z1, Z2, P, Q, S, agent
 from sympy import Rational, exp, sin
 
@@ -237,10 +237,9 @@ def test_point_parameters_are_replaced() -> None:
 
 
 def test_derivation_of_the_example(five_agents: Plant) -> None:
-    start = time.perf_counter()
-    derivation = derive(five_agents, sympy.Integer(2))
-    text, latex, data = as_text(derivation), as_latex(derivation), as_dict(derivation)
-    assert time.perf_counter() - start < 2
+    with at_most(2_500_000):
+        derivation = derive(five_agents, sympy.Integer(2))
+        text, latex, data = as_text(derivation), as_latex(derivation), as_dict(derivation)
     assert derivation.verdict == "holds" and derivation.types == ((1, 2), (3, 4, 5))
     for line in (
         "agents 1, 2: order 2",

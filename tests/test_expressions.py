@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import cmath
 import operator as op
-import time
 from collections.abc import Callable
 from fractions import Fraction
 
 import pytest
 import sympy
+from counted import at_most
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -257,9 +257,8 @@ def test_nothing_but_the_language_gets_through(text: str) -> None:
     ],
 )
 def test_cost_is_bounded_before_anything_is_computed(text: str, message: str) -> None:
-    start = time.perf_counter()
-    assert message in refusal(text)
-    assert time.perf_counter() - start < 1
+    with at_most(400_000):
+        assert message in refusal(text)
 
 
 @pytest.mark.parametrize(
@@ -280,9 +279,8 @@ def test_cost_is_bounded_before_anything_is_computed(text: str, message: str) ->
     ],
 )
 def test_what_lies_just_inside_the_bounds_is_read(text: str) -> None:
-    start = time.perf_counter()
-    read(text)
-    assert time.perf_counter() - start < 2
+    with at_most(2_500_000):
+        read(text)
 
 
 def test_a_bound_on_constants_holds_for_the_constants_that_names_stand_for() -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import random
-import time
 from fractions import Fraction
 
 import numpy as np
 import pytest
 import sympy
+from counted import at_most
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -116,14 +116,13 @@ def test_the_empty_matrix_is_positive_definite() -> None:
 
 
 @pytest.mark.parametrize("denominators", [lambda g: 2**50, lambda g: 10**15, lambda g: g.randint(2**49, 2**50)])
-def test_thirty_by_thirty_with_fifty_bit_entries_takes_less_than_a_second(denominators: object) -> None:
+def test_thirty_by_thirty_with_fifty_bit_entries_is_left_to_the_library(denominators: object) -> None:
     assert callable(denominators)
     g = random.Random(3)
     A = matrix([[Fraction(g.randint(-(2**50), 2**50), denominators(g)) for _ in range(30)] for _ in range(30)])
     S = add(add(A, transpose(A)), diagonal([Fraction(60)] * 30))
-    start = time.process_time()
-    assert isinstance(prove_positive_definite(S), PositiveDefinite)
-    assert time.process_time() - start < 1
+    with at_most(300_000):
+        assert isinstance(prove_positive_definite(S), PositiveDefinite)
 
 
 def test_long_denominators_do_not_hide_a_negative_direction() -> None:

@@ -13,8 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from tests.interruption import COMMANDS, RESULTS, ROOT, Running, arguments_of, interrupted, until
+from interruption import COMMANDS, RESULTS, ROOT, Running, arguments_of, interrupted, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are looked up in /proc")
 

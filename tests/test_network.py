@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from fractions import Fraction
 
 import networkx
 import pytest
+from counted import at_most
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -107,8 +107,7 @@ def test_fifty_agents_are_quick_and_exact() -> None:
     edges = {(i, i % size + 1): Fraction(i, 7) for i in range(1, size + 1)}
     edges |= {(i, (3 * i + 5) % size + 1): Fraction(11, i) for i in range(1, size + 1) if (3 * i + 5) % size + 1 != i}
     graph = Digraph(size, tuple(Edge(i, j, weight) for (i, j), weight in edges.items()))
-    start = time.perf_counter()
-    r = left_null_vector(graph)
-    assert time.perf_counter() - start < 2
+    with at_most(40_000):
+        r = left_null_vector(graph)
     rows = laplacian(graph)
     assert all(sum(r[i] * rows[i][j] for i in range(size)) == 0 for j in range(size))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
+from counted import at_most
 from plant_texts import BASE, LONE, changed, read, refusal
 
 from symbolic.errors import InputError
@@ -213,9 +213,8 @@ def test_an_initial_entry_that_no_agent_uses_is_read_all_the_same(line: str) -> 
     ],
 )
 def test_bytes_that_are_no_plant(text: bytes, message: str) -> None:
-    start = time.perf_counter()
-    assert message in refusal(text)
-    assert time.perf_counter() - start < 5
+    with at_most(20_000):
+        assert message in refusal(text)
 
 
 def test_dots_in_comments_and_values_are_not_keys() -> None:
@@ -245,9 +244,8 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
 
 def test_a_thousand_agents_are_quick() -> None:
     text = changed("agents = 2", "agents = 1000").replace("ids = [1, 2]", 'ids = "1-1000"')
-    start = time.perf_counter()
-    assert len(read(text).agents) == 1000
-    assert time.perf_counter() - start < 20
+    with at_most(40_000_000):
+        assert len(read(text).agents) == 1000
 
 
 def test_the_work_of_all_agents_together_is_bounded() -> None:
