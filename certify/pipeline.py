@@ -11,6 +11,7 @@ from certify.assumptions.check import check_assumptions
 from certify.assumptions.findings import CheckReport
 from certify.certificate import Json, certificate_bytes, claim_digest, number
 from certify.checker import check as independent_check
+from certify.float_range import BeyondFloatsError, float_range
 from certify.network_certificate import network_certificate
 from certify.preparation import Prepared, Report, Stopped, prepare
 from certify.results import AgentResult, GainsResult, Status
@@ -80,7 +81,11 @@ def _searched(route: Route, prepared: Prepared, progress: Report) -> list[Outcom
     """The agents do not see each other, so long searches run in parallel."""
 
     def search(index: int, say: Report) -> Outcome:
-        return route.search(prepared, index, say)
+        try:
+            with float_range():
+                return route.search(prepared, index, say)
+        except BeyondFloatsError as obstacle:
+            return AgentResult(prepared.derivation.agents[index].id, "inconclusive", str(obstacle)), None, None
 
     workers = processors() if route.long else 1
     return list(in_processes(search, range(len(prepared.models)), workers, progress))

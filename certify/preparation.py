@@ -15,6 +15,7 @@ from certify.coordinator.nominal import cost_gradient
 from certify.coordinator.resolution import FINE, Resolution
 from certify.coordinator.stability import Unstable
 from certify.curvature import Curvature, cost_curvature
+from certify.float_range import BeyondFloatsError, float_range
 from certify.foreseen import foreseen_refusal, seen_optimum
 from certify.gains.linear_stability import LinearVerdict, necessary_condition
 from certify.gains.requested import requested_controller
@@ -98,7 +99,11 @@ def prepare(
     gradients = gradients_at([cost_gradient(agent.cost) for agent in plant.agents], found.enclosure)
     if any(curvature.lo < curvature.hi for curvature in curvatures):
         resolution = FINE  # on long steps c'' is enclosed too widely
-    coordinator = design_coordinator(plant, found.enclosure, gradients, curvatures, report, resolution)
+    try:
+        with float_range():
+            coordinator = design_coordinator(plant, found.enclosure, gradients, curvatures, report, resolution)
+    except BeyondFloatsError as obstacle:
+        return Stopped("inconclusive", f"coordinator: {obstacle}", linear)
     if isinstance(coordinator, Unstable):
         return Stopped("inconclusive", f"coordinator: {coordinator.reason}", linear)
     models = tuple(

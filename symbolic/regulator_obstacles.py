@@ -70,6 +70,12 @@ def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy
             equation, where = str(problem.z[stuck.component]), printed(point)
             at = f" at {_shown(where)}" if where else ""
             driven = set(stuck.monomial.free_symbols) - {COST_VARIABLE}
+            if not driven and COST_VARIABLE in problem.variables:
+                missing = _without_equilibrium(problem.at(point))
+                if missing is not None:
+                    reason = f"{equation} has no equilibrium at s = {missing}{at.replace(' at ', ', ')}"
+                    return NoSteadyState("fails", reason, {"equation": equation, "s": str(missing), **where})
+                return _not_smooth_at_zero(stuck, equation, at, where)
             why = "resonate with the exosystem" if driven else "have no equilibrium there"
             return NoSteadyState(
                 "fails",
@@ -77,6 +83,32 @@ def _refuted_at(problem: RegulatorProblem, points: list[dict[sympy.Symbol, sympy
                 {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where},
             )
     return None
+
+
+def _without_equilibrium(problem: RegulatorProblem) -> int | None:
+    """A value of ``s`` at which a scalar polynomial ``f0(z, s, 0)`` with numbers has no real zero."""
+    if len(problem.z) > 1:
+        return None
+    for s in (1, -1):
+        f0 = problem.f0[0].xreplace(dict.fromkeys(problem.v, sympy.S.Zero) | {COST_VARIABLE: sympy.Integer(s)})
+        if not f0.free_symbols:
+            return s if f0.is_nonzero else None
+        if not f0.is_polynomial(*problem.z):
+            return None
+        polynomial = sympy.Poly(f0, *problem.z)
+        if (polynomial.domain.is_ZZ or polynomial.domain.is_QQ) and polynomial.count_roots() == 0:
+            return s
+    return None
+
+
+def _not_smooth_at_zero(stuck: Inconsistent, equation: str, at: str, where: Mapping[str, str]) -> NoSteadyState:
+    """No power series in ``s`` solves it, which ``s^(1/3)`` may well do."""
+    return NoSteadyState(
+        "unknown",
+        f"{_terms(stuck)} of the equation of {equation} cannot be matched{at}: an equilibrium there may be, but none "
+        "that is smooth at 0",
+        {"monomial": str(stuck.monomial), "equation": equation, "degree": str(stuck.degree), **where},
+    )
 
 
 def _terms(stuck: Inconsistent) -> str:

@@ -116,7 +116,7 @@ UNSOLVABLE = {
     ),
     "point parameter": (agent([P * Z1 + X1], box={P: (0, 0)}), ROTATION, "no equilibrium", {}),
     "pole at a value of s": (agent([(X1 - 1) * Z1 + V1]), CONSTANT, "s = 1", {"monomial": "v1"}),
-    "nonlinear, no linear part": (agent([Z1**2 + X1]), ROTATION, "no equilibrium", {"monomial": "s"}),
+    "nonlinear, no linear part": (agent([Z1**2 + X1]), ROTATION, "no equilibrium at s = 1", {"equation": "z1"}),
     "f0 does not vanish": (agent([-Z1 + P], box={P: (0, 1)}), ROTATION, "is not 0 in the", {"equation": "z1"}),
     "f0 does not vanish, transcendental": (agent([-Z1 + cos(X1)]), ROTATION, "not 0", {"equation": "z1"}),
 }
@@ -129,6 +129,13 @@ def test_unsolvable_equations_are_refuted(name: str) -> None:
     assert isinstance(answer, NoSteadyState) and answer.verdict == "fails", answer
     assert re.search(reason, answer.reason), answer.reason
     assert evidence.items() <= dict(answer.evidence).items()
+
+
+def test_an_equilibrium_that_is_not_smooth_at_zero_is_not_called_none() -> None:
+    """``z' = −z³ + x1`` rests at ``s^(1/3)``: no power series finds it, and nothing says that there is none."""
+    answer = solve_regulator(agent([-(Z1**3) + X1]), NOTHING)
+    assert isinstance(answer, NoSteadyState) and answer.verdict == "unknown"
+    assert "an equilibrium there may be, but none that is smooth at 0" in answer.reason
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 
 from certify.agent_model import AgentModel
 from certify.coordinator.envelope import Envelope
+from certify.float_range import BeyondFloatsError, float_range
 from certify.recipe.matrices import observer_matrix
 from certify.tube.increments import Increments, Slopes
 from certify.tube.kernels import Kernels, kernels
@@ -111,6 +112,13 @@ class AgentTrials:
         search for it begins at the share of ``K |ϑ(0)|`` that did in the trial ``like``."""
         if max(gains.g if self.model.order > 1 else 0, gains.K, gains.h or 0, delta or 0) > LARGEST_GAIN:
             return TrialFailure(gains, f"gains above {float(LARGEST_GAIN):.0e} are beyond the search's floats")
+        try:
+            with float_range():
+                return self._attempt(gains, delta, like)
+        except BeyondFloatsError as obstacle:
+            return TrialFailure(gains, str(obstacle))
+
+    def _attempt(self, gains: LoopGains, delta: Fraction | None, like: Trial | None) -> Trial | TrialFailure:
         loop = self.loop(gains)
         if isinstance(loop, TrialFailure):
             return loop

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+import warnings
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -12,6 +13,7 @@ import typer
 from certify.lifetime import WorkerLostError
 from reports.command_line import check, derive, export, falsify, gains, region, report, run, simulate, verify
 from reports.command_line.outcome import BAD_INPUT, UNDECIDED, Outcome
+from reports.command_line.terminal import spell_out_what_is_missing
 from symbolic.errors import InputError, one_line
 
 INTERRUPTED = 130
@@ -53,6 +55,14 @@ def certify(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code (spec.md, command line)."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    spell_out_what_is_missing()
+    with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")  # of a library to its caller; what a user must know is in the outcome
+        return _run(given)
+
+
+def _run(given: Sequence[str]) -> int:
     try:
         code = app(args=given, prog_name="certify", standalone_mode=False)
     except InputError as error:
