@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
-
 BEYOND = "a number on the way is beyond the range of floats, or rounds to 0; other units may do"
 _NOT_NUMBERS = ("cannot convert", "array must not contain infs or NaNs")  # how Fraction and SciPy refuse NaN
 
 
-class BeyondFloatsError(ArithmeticError):
-    """A search met a number that floats cannot hold."""
+class BeyondFloatsError(OverflowError):
+    """A search or a simulation met a number that floats cannot hold."""
 
     def __init__(self) -> None:
         super().__init__(BEYOND)
@@ -21,6 +19,8 @@ class BeyondFloatsError(ArithmeticError):
 @contextmanager
 def float_range() -> Iterator[None]:
     """Overflow, division by a number that was rounded to 0 and NaN inside raise ``BeyondFloatsError``."""
+    import numpy as np  # lazily: the command line knows the error before it loads anything heavy
+
     try:
         with np.errstate(all="ignore"):
             yield

@@ -15,6 +15,8 @@ from collections.abc import Callable, Sequence
 import sympy
 from sympy.utilities.iterables import numbered_symbols
 
+from certify.float_range import BeyondFloatsError
+
 CompiledFunction = Callable[..., tuple[float, ...]]
 """Takes one sequence of floats per group of symbols, gives the values of the expressions."""
 
@@ -134,7 +136,7 @@ def _joined(operator: str, parts: list[str]) -> str:
 def _number(number: sympy.Expr) -> str:
     value = float(number)
     if not math.isfinite(value):
-        raise ValueError(f"the number {number} is beyond the range of floats")
+        raise BeyondFloatsError
     return repr(value) if value >= 0 else f"({value!r})"
 
 

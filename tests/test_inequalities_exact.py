@@ -199,3 +199,11 @@ def test_only_exact_numbers_enter_a_matrix(entry: object) -> None:
 def test_ragged_rows_are_refused() -> None:
     with pytest.raises(ValueError, match="one length"):
         matrix([[1, 2], [3]])
+
+
+def test_entries_that_stay_long_when_they_are_shortened_are_decided() -> None:
+    """``10^-400`` has 1329 bits after the point whatever is done to it."""
+    tiny = Fraction(1, 10**400)
+    assert isinstance(prove_positive_definite(((tiny,),)), PositiveDefinite)
+    assert isinstance(prove_positive_semidefinite(((tiny, tiny), (tiny, tiny))), PositiveSemidefinite)
+    assert isinstance(prove_positive_definite(((-tiny,),)), NotPositiveDefinite)

@@ -63,9 +63,14 @@ def prove_positive_definite(A: Matrix) -> PositiveDefinite | NotPositiveDefinite
     """
     shorter = _shorter_below(A)
     if shorter is not None:
-        proof = prove_positive_definite(shorter)
+        proof = _definite(shorter)
         if isinstance(proof, PositiveDefinite):
             return proof
+    return _definite(A)
+
+
+def _definite(A: Matrix) -> PositiveDefinite | NotPositiveDefinite:
+    """By elimination, however long the entries are."""
     elimination = _Elimination(A)
     for k in range(elimination.size):
         pivot = elimination.schur[k][k]
@@ -79,7 +84,7 @@ def prove_positive_semidefinite(A: Matrix) -> PositiveSemidefinite | NotPositive
     """Decide ``A ⪰ 0`` exactly, singular matrices included. Raises ``ValueError`` if ``A`` is not symmetric."""
     shorter = _shorter_below(A)
     if shorter is not None:
-        proof = prove_positive_definite(shorter)
+        proof = _definite(shorter)
         if isinstance(proof, PositiveDefinite):
             return PositiveSemidefinite(proof.pivots)
     elimination = _Elimination(A)

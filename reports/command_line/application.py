@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from certify.float_range import BEYOND
 from certify.lifetime import WorkerLostError
 from reports.command_line import check, derive, export, falsify, gains, region, report, run, simulate, verify
 from reports.command_line.outcome import BAD_INPUT, UNDECIDED, Outcome
@@ -73,6 +74,8 @@ def _run(given: Sequence[str]) -> int:
         return _complain("interrupted", INTERRUPTED)
     except WorkerLostError as error:
         return _stopped(str(error), given)
+    except OverflowError:
+        return _stopped(BEYOND, given)
     except Exception as error:  # noqa: BLE001 - a crash would leave with 1, which means refuted
         traceback.print_exc()
         return _stopped(f"internal error: {type(error).__name__}: {error}", given)
