@@ -11,7 +11,6 @@ from dataclasses import replace
 from fractions import Fraction
 
 from certify.assumptions.findings import Finding
-from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
 from certify.certificate import expression
 from certify.checker.intervals import Interval
 from certify.checker.rules.assumptions import AgentProof, prove_exosystem, prove_network
@@ -82,6 +81,8 @@ class SecondOpinion:
         read = plant_as_read(self.plant.source)
         if not read.exosystem:
             return {}
+        from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds  # cvxpy takes a second to import
+
         irrational = irrational_exosystem(self.plant.exosystem)
         if irrational:
             raise Undecided(irrational)
