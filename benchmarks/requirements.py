@@ -24,7 +24,7 @@ from certify.pipeline import GainsResult, design_gains
 from certify.statement.bounds import ProvedBounds, proved_bounds
 from certify.statement.claim import certified_gains
 from symbolic.derivation import derive
-from symbolic.plant import COST_VARIABLE, Plant, RequestedGains, Requirements, Settling
+from symbolic.plant import COST_VARIABLE, InternalModelChoice, Plant, RequestedGains, Requirements, Settling
 from symbolic.plant_file import load_plant
 from symbolic.plant_writer import with_source
 
@@ -48,14 +48,17 @@ def bounds(plant: Plant, result: GainsResult) -> ProvedBounds:
 
 def with_least_gains(plant: Plant, result: GainsResult) -> Plant:
     """The plant file that fixes the least gains of the search."""
-    gains = []
-    for agent in result.agents:
+    gains, agents = [], []
+    for agent, described in zip(result.agents, plant.agents, strict=True):
         named = [other.controller for other in agent.alternatives if other.label == "least gains"]
         if not named:
             return plant
         law = named[0]
-        gains.append(RequestedGains(law.g, law.K, law.delta, law.h))
-    return with_source(replace(plant, gains=tuple(gains)))
+        gains.append(RequestedGains(law.g if law.h is not None else None, law.K, law.delta, law.h))
+        observed = {"gamma": law.gamma, "observer": law.observer} if law.h is not None else {}
+        model = InternalModelChoice(law.M, law.N) if law.N else described.internal_model
+        agents.append(replace(described, internal_model=model, **observed))
+    return with_source(replace(plant, agents=tuple(agents), gains=tuple(gains)))
 
 
 def measured(plant: Plant, result: GainsResult, band: Fraction | None = None) -> tuple[Fraction, Fraction, Fraction]:

@@ -7,23 +7,23 @@ which the independent checker has verified.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from certify.assumptions.check import check_assumptions
 from certify.certificate import Json, canonical
 from certify.checker import check as independent_check
+from certify.claimed import claimed_network
 from certify.network_certificate import network_certificate
 from certify.pipeline import tool_versions
-from certify.preparation import Prepared, Report, Stopped, prepare
+from certify.preparation import Prepared, Report, Stopped
 from certify.routes import ROUTES
-from certify.statement.exact_numbers import exact, exact_matrix, exact_row
+from certify.statement.exact_numbers import exact
 from certify.tube.certificate import tube_controller, tube_witness
 from certify.tube.initial_boxes import Factors, Grown, InitialBoxes, scaled
 from certify.tube.loop import LoopGains
 from certify.tube.trial import AgentTrials
-from symbolic.plant import Agent, CoordinatorChoice, InternalModelChoice, Plant
+from symbolic.plant import Agent, Plant
 from symbolic.plant_writer import with_source
 
 SHRINK = Fraction(63, 64)  # of a factor that the search found and the checker did not accept
@@ -64,7 +64,7 @@ def certified_region(
     if certificate.get("theorem") != route.theorem:
         return NoRegion(f"only certificates of {route.theorem} have a region; the gains may be certified by it again")
     claim = certificate["claim"]
-    prepared = _prepared(plant, claim, report)
+    prepared = claimed_network(plant, claim, report)
     if isinstance(prepared, Stopped):
         return NoRegion(prepared.reason)
     boxes = [_boxes(prepared, index, entry) for index, entry in enumerate(claim["agents"])]
@@ -136,28 +136,6 @@ class Network:
 
 def _moved(agent: Agent, factors: Factors) -> Agent:
     return replace(agent, initial=scaled(agent.initial, factors))
-
-
-def _prepared(plant: Plant, claim: Mapping[str, Any], report: Report) -> Prepared | Stopped:
-    """The network with the coordinator and the designs of the claim."""
-    names = [field.name for field in fields(CoordinatorChoice) if field.name in claim]
-    choice = CoordinatorChoice(**{name: exact(claim[name]) for name in names})
-    agents = tuple(_designed(agent, entry) for agent, entry in zip(plant.agents, claim["agents"], strict=True))
-    designed, route = replace(plant, agents=agents, gains=(), coordinator=choice), ROUTES["direct"]
-    return prepare(
-        designed, check_assumptions(plant), report, route.proved_on_the_way, route.resolution, proved=route.proves
-    )
-
-
-def _designed(agent: Agent, entry: Mapping[str, Any]) -> Agent:
-    M = exact_matrix(entry["M"])
-    observed = agent.order > 1
-    return replace(
-        agent,
-        gamma=exact_row(entry["gamma"]) if observed else agent.gamma,
-        observer=exact_row(entry["observer"]) if observed else agent.observer,
-        internal_model=InternalModelChoice(M, exact_row(entry["N"])) if M else agent.internal_model,
-    )
 
 
 def _boxes(prepared: Prepared, index: int, entry: Mapping[str, Any]) -> InitialBoxes | str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 from fractions import Fraction
@@ -15,6 +16,7 @@ from certify.checker import check
 from certify.pipeline import design_gains
 from certify.region import CertifiedRegion, NoRegion, certified_region
 from certify.results import GainsResult
+from certify.trade_off import TradeOff, trade_off
 from certify.tube.initial_boxes import largest_factor
 from reports.command_line import main
 from symbolic.plant import Plant
@@ -127,6 +129,41 @@ def test_a_certificate_of_the_recipe_has_no_region() -> None:
     plant, certificate = certified("")
     found = certified_region(plant, {**certificate, "theorem": "recipe/1"})
     assert isinstance(found, NoRegion)
+
+
+@pytest.mark.slow
+def test_the_designs_of_a_trade_off_are_certified_and_none_beats_another() -> None:
+    plant, certificate = certified("")
+    found = trade_off(plant, certificate)
+    assert isinstance(found, TradeOff)
+    assert len(found.networks) >= 5
+    for network in found.networks:
+        assert check(plant.source, canonical(network.certificate) + b"\n").status == "verified"
+    for index in range(2):
+        designs = found.of(index)
+        assert sorted(designs, key=lambda design: -design.settled) == list(designs)
+        for one in designs:
+            for other in designs:
+                assert one is other or other.settled > one.settled or other.peak > one.peak or other.pole > one.pole
+
+
+@pytest.mark.slow
+def test_what_a_design_says_is_what_the_checker_proves() -> None:
+    plant, certificate = certified("")
+    found = trade_off(plant, certificate)
+    assert isinstance(found, TradeOff)
+    network = found.networks[-1]
+    asked = [
+        f'[requirements.{i}]\nsettling = {{ time = "{one.settled}", band = "{one.band}" }}\ninput = "{one.peak}"'
+        for i, one in enumerate(network.designs, 1)
+    ]
+    data = f"{plant.source.decode()}\n{chr(10).join(asked)}\n".encode()
+    again = copy.deepcopy(network.certificate)
+    again["claim"]["plant_sha256"] = parse_plant(data, "p.toml").sha256
+    for entry, one in zip(again["claim"]["agents"], network.designs, strict=True):
+        settling = {"time": str(one.settled), "band": str(one.band)}
+        entry["requirements"] = {"settling": settling, "input": str(one.peak), "bandwidth": None}
+    assert check(data, canonical(again) + b"\n").status == "verified"
 
 
 @pytest.mark.parametrize("limit", [1, 2, 5, 37, 1000])

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from certify.files import write_together
 from certify.routes import DEFAULT
 from reports.command_line.arguments import JsonOption, PlantArgument, RouteOption
+from reports.command_line.drawing import prepare_drawing
 from reports.command_line.inputs import given_plant
-from reports.command_line.outcome import Outcome, finish, naming
-from reports.command_line.outputs import deliver, require_file
+from reports.command_line.outcome import Outcome, finish, json_text, naming
+from reports.command_line.outputs import deliver, require_file, require_output_folder
 from reports.command_line.steps import Steps
 
 if TYPE_CHECKING:
@@ -28,6 +30,15 @@ def command(
         typer.Option("-o", "--output", metavar="CERT", help="Certificate to write (- for stdout).", show_default=False),
     ],
     route: RouteOption = DEFAULT,
+    trade_off: Annotated[
+        Path | None,
+        typer.Option(
+            "--trade-off",
+            metavar="DIR",
+            help="Folder for certified designs between settling time, input and bandwidth: picture, table, proofs.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find gains and write the certificate that proves them.
@@ -35,16 +46,48 @@ def command(
     What [gains], [coordinator], observer, gamma and internal_model fix in the plant file is kept and decided as it is.
     """
     require_file(output, as_json)
+    if trade_off is not None:
+        require_output_folder(trade_off)
+        prepare_drawing()
     file = given_plant(plant)
     loaded = file.as_plant()
     from certify.certificate import certificate_bytes
     from certify.pipeline import design_gains
 
-    with Steps().step("gains") as report, naming(file.name):
+    steps = Steps()
+    with steps.step("gains") as report, naming(file.name):
         result = design_gains(loaded, route=route, progress=report.progress)
         report(result.status)
     made = None if result.certificate is None else deliver(output, certificate_bytes(result.certificate))
-    finish(outcome(result, loaded), as_json, made)
+    said = outcome(result, loaded)
+    if trade_off is not None and result.certificate is not None:
+        said = _with_trade_off(said, result, loaded, trade_off, steps)
+    finish(said, as_json, made)
+
+
+def _with_trade_off(said: Outcome, result: GainsResult, plant: Plant, folder: Path, steps: Steps) -> Outcome:
+    """The outcome with the designs around the certificate, which are written to the folder."""
+    from certify.certificate import certificate_bytes
+    from certify.trade_off import NoTradeOff, trade_off
+    from reports.figures import svg
+    from reports.trade_off import pasted, trade_off_fields, trade_off_figure, trade_off_lines
+
+    with steps.step("trade-off") as report:
+        found = trade_off(plant, result.certificate or {}, report.progress)
+        report(found.reason if isinstance(found, NoTradeOff) else f"{len(found.networks)} certified designs")
+    if isinstance(found, NoTradeOff):
+        return Outcome(said.status, {**said.fields, "trade_off": []}, f"{said.text}\nno trade-off: {found.reason}")
+    fields = trade_off_fields(found)
+    files: dict[str, bytes | None] = {
+        "trade-off.svg": svg(trade_off_figure(found, plant)).encode(),
+        "trade-off.json": (json_text(fields) + "\n").encode(),
+        "gains.toml": pasted(found).encode(),
+    }
+    for place, network in enumerate(found.networks, 1):
+        files[f"design-{place}.json"] = certificate_bytes(network.certificate)
+    write_together(folder, files)
+    lines = "\n".join(trade_off_lines(found, plant))
+    return Outcome(said.status, {**said.fields, "trade_off": fields}, f"{lines}\n{said.text}")
 
 
 def outcome(result: GainsResult, plant: Plant) -> Outcome:
