@@ -13,6 +13,7 @@ import sympy
 from certify.bounds.intervals import add
 from certify.bounds.rationals import round_up, sqrt_up
 from certify.bounds.suprema import lower_bound, magnitude_bound, range_bound
+from certify.units.scales import Scales, unscaled
 from symbolic.plant import COST_VARIABLE, Agent, Exosystem, Interval
 
 Matrix = tuple[tuple[Fraction, ...], ...]
@@ -73,6 +74,7 @@ class AgentModel:
 
     ``steady_state`` is ``z*`` in ``(s, v, parameters)``; ``optimum`` encloses ``s*``; ``disturbance`` encloses every
     ``v(t)``, ``|g·v(t)|² ≤ gᵀ extent g`` for every row ``g``, and ``exosystem.initial`` encloses every ``v(0)``.
+    ``scales`` are the units that all of it is in, ``None`` for those of the plant file.
     """
 
     agent: Agent
@@ -85,11 +87,17 @@ class AgentModel:
     disturbance: tuple[Interval, ...]
     extent: Matrix
     references: References
+    scales: Scales | None = None
     _cache: dict[tuple[object, ...], Fraction] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def order(self) -> int:
         return self.agent.order
+
+    @property
+    def units(self) -> Scales:
+        """``scales``, with ones for those of the plant file."""
+        return self.scales or unscaled(self.order, len(self.agent.zero_states))
 
     @cached_property
     def exogenous_box(self) -> dict[sympy.Symbol, Interval]:

@@ -47,9 +47,14 @@ class Route:
 
 def _direct(prepared: Prepared, index: int, report: Report) -> Outcome:
     from certify.tube.route import tube_agent  # lazily: the command line names routes without loading solvers
+    from certify.units.reduction import search_in_natural_units
 
     agent = prepared.derivation.agents[index].id
-    outcome = tube_agent(prepared, index, lambda message: report(f"agent {agent}: {message}"))
+
+    def search(network: Prepared, index: int) -> Outcome:
+        return tube_agent(network, index, lambda message: report(f"agent {agent}: {message}"))
+
+    outcome = search_in_natural_units(prepared, index, search)
     report(f"agent {agent}: {outcome[0].status}")
     return outcome
 

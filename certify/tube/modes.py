@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from fractions import Fraction
 
 import numpy as np
@@ -14,6 +15,7 @@ from certify.tube.loop import Loop
 
 BITS = 200
 WITNESS_BITS = 96
+NEAR = 1 / 50  # the inverse of the modes is some fifty times larger than it need be where directions are this close
 
 
 @dataclass(frozen=True)
@@ -32,25 +34,34 @@ class Modes:
     columns: np.ndarray
 
 
-def modes(loop: Loop) -> Modes | None:
-    """``None`` when the loop is not stable or its eigenvectors do not span (numerically)."""
+class NoModes(Enum):
+    """Why a loop has no modes to work with, as far as numbers tell."""
+
+    UNSTABLE = "an eigenvalue whose real part is not negative"
+    DEFECTIVE = "eigenvectors that hardly span"
+
+
+def modes(loop: Loop) -> Modes | NoModes:
+    """Numerically; eigenvectors that are parallel though their eigenvalues (nearly) agree are ``DEFECTIVE``."""
     size = loop.size
     with ctx.workprec(BITS):
         A = arb_mat([[_ball(entry) for entry in row] for row in loop.A])
         try:
             values, vectors = acb_mat(A).eig(right=True, algorithm="approx")
         except (ValueError, ZeroDivisionError):
-            return None
+            return NoModes.DEFECTIVE
+        if not all(float(value.real.mid()) < 0 for value in values):
+            return NoModes.UNSTABLE
         found = _real_columns(values, vectors, size)
-        if found is None:
-            return None
+        if found is None or _parallel(values, vectors, size):
+            return NoModes.DEFECTIVE
         columns, blocks, decay, frequency = found
         H = tuple(tuple(_dyadic(columns[j][i]) for j in range(size)) for i in range(size))
         exact = arb_mat([[_ball(entry) for entry in row] for row in H])
         try:
             inverse = exact.inv()
         except ZeroDivisionError:
-            return None
+            return NoModes.DEFECTIVE
         C = arb_mat([[_ball(entry) for entry in row] for row in loop.outputs]) * exact
         J = arb_mat([[_ball(row[i]) for row in (*loop.columns, *loop.starts)] for i in range(size)])
         return Modes(
@@ -73,11 +84,7 @@ def _real_columns(
     frequency: list[float] = []
     for k in order:
         sigma, omega = float(values[k].real.mid()), float(values[k].imag.mid())
-        if not sigma < 0:
-            return None
-        vector = [vectors[i, k] for i in range(size)]
-        largest = max(vector, key=lambda entry: float(abs(entry)))
-        vector = [entry / largest for entry in vector]
+        vector = _direction(vectors, k, size)
         if abs(omega) <= 1e-12 * abs(sigma):
             columns.append([entry.real.mid() for entry in vector])
             blocks.append(1)
@@ -90,6 +97,27 @@ def _real_columns(
             decay += [-sigma, -sigma]
             frequency += [omega, omega]
     return (columns, tuple(blocks), decay, frequency) if len(columns) == size else None
+
+
+def _direction(vectors: acb_mat, k: int, size: int) -> list[acb]:
+    """An eigenvector with its largest entry 1."""
+    vector = [vectors[i, k] for i in range(size)]
+    largest = max(vector, key=lambda entry: float(abs(entry)))
+    return [entry / largest for entry in vector]
+
+
+def _parallel(values: list[acb], vectors: acb_mat, size: int) -> bool:
+    """Whether two eigenvalues and their directions agree to within ``NEAR``: states have no common unit, so every
+    entry is compared with the largest of its row."""
+    flat = np.array([[complex(entry) for entry in _direction(vectors, k, size)] for k in range(size)])
+    roots = np.array([complex(value) for value in values])
+    rows = np.abs(flat).max(axis=0)
+    for k in range(size):
+        apart = np.abs(roots[k + 1 :] - roots[k]) / abs(roots[k])
+        turned = (np.abs(flat[k + 1 :] - flat[k]) / np.where(rows > 0, rows, 1)).max(axis=1)
+        if np.any((apart < NEAR) & (turned < NEAR)):
+            return True
+    return False
 
 
 def _ball(value: Fraction) -> arb:

@@ -167,11 +167,7 @@ class Reaching:
             if remains < best_left:
                 best, best_left = len(boxes), remains
         if best_left > level:
-            reason = (
-                f"with the saturation level delta = {self.delta:.4g} the feedback stays saturated: "
-                f"|ϑ| falls to {best_left:.3g}, not to delta/K = {level:.3g}"
-            )
-            return Stuck(reason, best_left)
+            return Stuck("the feedback stays saturated", best_left)
         return self._reached(instants[: best + 1], boxes[:best])
 
     def start(self, now: Instant) -> np.ndarray:

@@ -13,6 +13,8 @@ from math import inf, log
 from certify.tube.loop import LoopGains
 from certify.tube.performance import Performance, Performances
 from certify.tube.trial import AgentTrials, Trial
+from certify.tube.words import in_words, short
+from certify.units.scales import Scales
 from symbolic.plant import RequestedGains, Requirements
 
 MOST_TRIALS = 90
@@ -170,8 +172,7 @@ class Descent:
     def _attempt(self, gains: LoopGains, delta: Fraction | None, like: Trial) -> Trial | None:
         key = gains, delta
         if key not in self.known:
-            h = "" if gains.h is None else f", h = {float(gains.h):.4g}"
-            self.report(f"g = {float(gains.g):.4g}, K = {float(gains.K):.4g}{h}")
+            self.report(self.trials.named(gains))
             result = self.trials.attempt(gains, delta, like)
             self.known[key] = result if isinstance(result, Trial) else None
         return self.known[key]
@@ -221,31 +222,34 @@ def reference_settled(performances: Performances, band: float) -> float:
 
 def explained(missed: Missed, asked: Requirements) -> str:
     """Which requirement stands in the way, by how much, and the nearest set that passes, as lines for the file."""
-    parts = [_sentence(one, missed, asked) for one in missed.shortfalls]
-    found, passing = missed.performance, []
+    units, found, passing = missed.trial.model.units, missed.performance, []
+    parts = [_sentence(one, missed, asked, units) for one in missed.shortfalls]
     if asked.settling is not None:
-        time = _larger(found.settled(float(asked.settling.band)), asked.settling.time)
-        passing.append(f'settling = {{ time = {time}, band = "{asked.settling.band}" }}')
+        settled, allowed = found.settled(float(asked.settling.band)) * float(units.time), asked.settling.time
+        time, band = _larger(settled, allowed * units.time), asked.settling.band * units.output
+        passing.append(f'settling = {{ time = {time}, band = "{band}" }}')
     if asked.input is not None:
-        passing.append(f"input = {_larger(found.peak, asked.input)}")
+        passing.append(f"input = {_larger(found.peak * float(units.input), asked.input * units.input)}")
     if asked.bandwidth is not None:
-        passing.append(f"bandwidth = {_larger(found.pole * (1 - ROUNDED), asked.bandwidth)}")
-    gains = missed.trial.gains
-    h = "" if gains.h is None else f", h = {gains.h}"
-    law = f"g = {gains.g}, K = {gains.K}, delta = {missed.trial.delta}{h}"
+        pole = found.pole * (1 - ROUNDED) * float(units.rate)
+        passing.append(f"bandwidth = {_larger(pole, asked.bandwidth * units.rate)}")
+    law = f"{in_words(missed.trial.gains, units)}, delta = {short(missed.trial.delta * units.input)}"
     return f"{'; '.join(parts)}; the nearest set that passes: {', '.join(passing)}, with {law} ({missed.tried} trials)"
 
 
-def _sentence(one: Shortfall, missed: Missed, asked: Requirements) -> str:
+def _sentence(one: Shortfall, missed: Missed, asked: Requirements, units: Scales) -> str:
+    """In the units of the plant file."""
     if one.name == "settling" and asked.settling is not None:
-        text = f"requirements.settling: |y - s*| <= {asked.settling.band} is proved from t = {one.proved:.4g} on, "
-        text += f"{one.ratio:.3g} times the {one.asked:.4g} asked for" if one.asked else "not from the start"
+        time, band = float(units.time), asked.settling.band * units.output
+        text = f"requirements.settling: |y - s*| <= {band} is proved from t = {one.proved * time:.4g} on, "
+        text += f"{one.ratio:.3g} times the {one.asked * time:.4g} asked for" if one.asked else "not from the start"
         if missed.reference is not None and missed.reference > one.asked:
-            text += f" (the coordinator alone needs {missed.reference:.4g}, whatever the agent's gains)"
+            text += f" (the coordinator alone needs {missed.reference * time:.4g}, whatever the agent's gains)"
         return text
+    times = f"{one.ratio:.3g} times what is allowed"
     if one.name == "input":
-        return f"requirements.input: |u| <= {one.proved:.4g} is proved, {one.ratio:.3g} times what is allowed"
-    return f"requirements.bandwidth: the observer needs {one.proved:.4g} rad/s, {one.ratio:.3g} times what is allowed"
+        return f"requirements.input: |u| <= {one.proved * float(units.input):.4g} is proved, {times}"
+    return f"requirements.bandwidth: the observer needs {one.proved * float(units.rate):.4g} rad/s, {times}"
 
 
 def _larger(proved: float, asked: Fraction) -> str:

@@ -19,6 +19,7 @@ from certify.tube.performance import Performances
 from certify.tube.requirements import Descent, Missed, Wanted, explained, largest_h, meet
 from certify.tube.search import Choice, NoChoice, nearest_gains, search_gains
 from certify.tube.trial import AgentTrials, Trial
+from certify.tube.words import in_words, short
 from symbolic.controller import AgentController
 from symbolic.plant import Agent, RequestedGains, Requirements
 
@@ -130,5 +131,5 @@ def _nearest(trials: AgentTrials, requested: RequestedGains, report: Callable[[s
     near = nearest_gains(trials, requested, report)
     if near is None:
         return "; no other gains were found that pass"
-    h = "" if near.gains.h is None else f", h = {near.gains.h}"
-    return f"; the nearest gains that pass: g = {near.gains.g}, K = {near.gains.K}, delta = {near.delta}{h}"
+    units = near.model.units
+    return f"; the nearest gains that pass: {in_words(near.gains, units)}, delta = {short(near.delta * units.input)}"

@@ -10,28 +10,12 @@ from math import log
 
 from certify.tube.designs import STAGES, observers
 from certify.tube.loop import LoopGains
+from certify.tube.nothing import explained
+from certify.tube.search_rule import SearchRule
 from certify.tube.trial import AgentTrials, Trial, TrialFailure
 from symbolic.plant import Agent, RequestedGains
 
-FIRST_G = (Fraction(3), Fraction(2), Fraction(1))
-LARGER_G = (Fraction(4), Fraction(6), Fraction(8))
-RUNGS_ABOVE = 1
-STRIDE = 3
-MOST_TRIALS = 60
-A_LITTLE = Fraction(5, 4)
-CLEARLY_LESS = 0.95
-AGREEING = 3  # failures in a row before far larger gains are tried at once
-ABOUT = 1.1  # ratio of times of escape that count as the same
-_RUNGS = (
-    "1 1.5 2 3 4 5 7 8.5 10 12 14 17 20 25 30 35 40 50 60 75 90 100 110 130 145 160 180 200 250 300 375 450 550 700"
-    " 1000 1500 2200 3300 5000"
-)
-LADDER = tuple(Fraction(rung) for rung in _RUNGS.split())
-HIGHER = tuple(Fraction(10) ** k for k in (4, 5))
-START = LADDER.index(Fraction(300))
-RATIOS = tuple(Fraction(k) for k in (5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 35, 40, 50, 60, 100, 200, 400, 1000))
-FIRST_RATIOS = tuple(Fraction(k) for k in (25, 100, 400))
-
+RULE = SearchRule()
 
 Report = Callable[[str], None]
 Redesigned = Callable[[Agent], AgentTrials | None]
@@ -59,10 +43,11 @@ def search_gains(
     requested: RequestedGains,
     report: Report = lambda message: None,
     redesigned: Redesigned = lambda agent: None,
+    rule: SearchRule = RULE,
 ) -> tuple[Choice, ...] | NoChoice:
     """Certifiable gains, the default first. Requested gains are kept; whatever is left free is searched, the designs
     that ``redesigned`` can prepare included unless ``K`` or ``h`` is given."""
-    redesigned, finder = cache(redesigned), _Finder(trials, requested, report)
+    redesigned, finder = cache(redesigned), Finder(trials, requested, report, rule)
     first = finder.first()
     if isinstance(first, NoChoice):
         return first
@@ -77,7 +62,7 @@ def search_gains(
         finders += _other_observers(finder, _balanced(finder.passed), redesigned)
     passed = list({id(trial): trial for finder in finders for trial in finder.passed}.values())
     candidates = (
-        Choice("balanced", "the least product K·h·∛δ that passed", _balanced(passed)),
+        Choice("balanced", "the least product K·h·δ^(1/5) that passed", _balanced(passed)),
         Choice("least K", "the least feedback gain that passed", _least_K(passed)),
         Choice("least h", "the least observer gain that passed", _least_h(passed)),
         Choice("least delta", "the least saturation level, so the least peak of the input", _least_delta(passed)),
@@ -106,15 +91,15 @@ def _least_delta(passed: Sequence[Trial]) -> Trial:
 
 
 def _balanced(passed: Sequence[Trial]) -> Trial:
-    """The least ``K·h·∛δ``: a feedback that is a quarter larger has to spare half of the input's peak."""
-    return min(passed, key=lambda trial: _product(trial) ** 3 * trial.delta)
+    """The least ``K·h·δ^(1/5)``: gains that are a seventh larger have to spare half of the saturation level."""
+    return min(passed, key=lambda trial: _product(trial) ** 5 * trial.delta)
 
 
 def nearest_gains(
-    trials: AgentTrials, requested: RequestedGains, report: Report = lambda message: None
+    trials: AgentTrials, requested: RequestedGains, report: Report = lambda message: None, rule: SearchRule = RULE
 ) -> Trial | None:
     """The gains that pass and are nearest, in ratios, to requested ones that do not; ``None`` if none pass."""
-    finder = _Finder(trials, RequestedGains(), report)
+    finder = Finder(trials, RequestedGains(), report, rule)
     first = finder.first()
     if isinstance(first, NoChoice):
         return None
@@ -132,24 +117,35 @@ def nearest_gains(
     return min(finder.passed, key=distance)
 
 
-class _Finder:
+class Finder:
     """The search within one design."""
 
-    def __init__(self, trials: AgentTrials, requested: RequestedGains, report: Report) -> None:
-        self.trials, self.requested, self.report = trials, requested, report
+    def __init__(self, trials: AgentTrials, requested: RequestedGains, report: Report, rule: SearchRule = RULE) -> None:
+        self.trials, self.requested, self.report, self.rule = trials, requested, report, rule
         self.observed = trials.model.order > 1
         self.passed: list[Trial] = []
         self.latest: dict[Fraction, Trial] = {}
+        self.least_rate = 0.0
         self.known: dict[LoopGains, Trial | TrialFailure] = {}
+
+    def of(self, trials: AgentTrials) -> Finder:
+        """The same search within another design."""
+        other = Finder(trials, self.requested, self.report, self.rule)
+        other.least_rate = self.least_rate
+        return other
 
     def attempt(self, g: Fraction, K: Fraction, ratio: Fraction) -> Trial | None:
         wanted = self.requested
         K = wanted.K or K
         h = (wanted.h or K * ratio) if self.observed else None
         gains = LoopGains(wanted.g or g, K, h)
+        if wanted.h is None and h is not None and h < gains.g:
+            return None  # an observer that is slower than the surface is no use
         if gains not in self.known:
-            self.report(f"g = {gains.g}, K = {gains.K}" + ("" if h is None else f", h = {h}"))
+            self.report(self.trials.named(gains))
             result = self.trials.attempt(gains, wanted.delta, self.latest.get(gains.g))
+            if isinstance(result, Trial) and result.tube.tail_rate < self.least_rate:
+                result = TrialFailure(gains, "the certified rate is far below that of other gains")
             self.known[gains] = result
             if isinstance(result, Trial):
                 self.passed.append(result)
@@ -167,59 +163,69 @@ class _Finder:
         return result
 
     def first(self) -> Trial | NoChoice:
-        """Some gains that pass: from moderate ones upwards in ``h/K`` and ``K``, then downwards; a saturation level
-        that is given asks for small gains first."""
-        several = FIRST_G if self.requested.K is None else tuple(dict.fromkeys(FIRST_G + LARGER_G))
-        ladder = (*LADDER[START::STRIDE], *HIGHER, *LADDER[START % STRIDE : START : STRIDE][::-1])
-        if self.requested.delta is not None:
-            ladder = (*LADDER[START % STRIDE :: STRIDE], *HIGHER)
-        for K in ladder if self.requested.K is None else (self.requested.K,):
-            for ratio in FIRST_RATIOS if self.observed else FIRST_RATIOS[:1]:
+        """Some gains that pass: moderate ones, then far ones on both sides; a saturation level that is given asks for
+        small gains first."""
+        rule, wanted = self.rule, self.requested
+        several = rule.first_g if wanted.K is None else (*rule.first_g, *rule.larger_g)
+        ladder = rule.first_K if wanted.delta is None else rule.first_K_below_a_limit
+        for K in ladder if wanted.K is None else (wanted.K,):
+            for ratio in rule.first_ratios if self.observed else rule.first_ratios[:1]:
                 for g in several if self.observed else (Fraction(1),):
                     found = self.attempt(g, K, ratio)
                     if found is not None:
+                        self.least_rate = float(rule.slower) * found.tube.tail_rate
                         return found
                     if self._hopeless():
                         return self._nothing()
-            if len(self.known) >= MOST_TRIALS:
+            if len(self.known) >= rule.most_trials:
                 break
         return self._nothing()
 
     def _nothing(self) -> NoChoice:
-        reasons = [result.reason for result in self.known.values() if isinstance(result, TrialFailure)]
-        return NoChoice(reasons[-1], len(self.known))
+        failed = [result for result in self.known.values() if isinstance(result, TrialFailure)]
+        return NoChoice(explained(self.trials, failed), len(self.known))
 
     def _hopeless(self) -> bool:
         """Whether several tubes, the last with far larger gains, grow out of bounds at about the same time: then it is
         not the gains that make them."""
-        if self.requested.K is not None or len(self.known) != AGREEING:
+        rule = self.rule
+        if self.requested.K is not None or len(self.known) != rule.agreeing:
             return False
-        self.attempt(Fraction(1), HIGHER[0], FIRST_RATIOS[-1])
+        self.attempt(Fraction(1), rule.far, rule.first_ratios[-1])
         failed = [result for result in self.known.values() if isinstance(result, TrialFailure)]
         escapes = [result.escape for result in failed if result.escape is not None]
-        return len(escapes) > AGREEING and max(escapes) < ABOUT * min(escapes)
+        return len(escapes) > rule.agreeing and max(escapes) < rule.about * min(escapes)
 
     def lower_K(self, start: Trial) -> Trial:
-        """Bisection on the ladder of ``K`` at the ratio and ``g`` of ``start``; then further down with larger ``g``."""
-        best, ratio = start, self._ratio(start)
+        """Down the ladder of ``K`` at the ratio and ``g`` of ``start``, in steps that double until one fails, then by
+        bisection; then further down with larger ``g``."""
+        best, ratio, ladder = start, self._ratio(start), self.rule.ladder
         if self.requested.K is not None:
             return best
-        below, above = -1, _rung(start)
+        above, lowest, stride = self._rung(start), ladder.index(self.rule.least_K) - 1, self.rule.first_stride
+        below = lowest
+        while above - 1 > lowest:
+            place = max(above - stride, lowest + 1)
+            found = self.attempt(start.gains.g, ladder.rung(place), ratio)
+            if found is None:
+                below = place
+                break
+            best, above, stride = found, place, 2 * stride
         while above - below > 1:
             middle = (below + above) // 2
-            found = self.attempt(start.gains.g, LADDER[middle], ratio)
+            found = self.attempt(start.gains.g, ladder.rung(middle), ratio)
             if found is None:
                 below = middle
             else:
                 best, above = found, middle
-        return self.step_down(best, LARGER_G if self.observed and self.requested.g is None else ())
+        return self.step_down(best, self.rule.larger_g if self.observed and self.requested.g is None else ())
 
     def step_down(self, start: Trial, several: Sequence[Fraction]) -> Trial:
         """Rung by rung at the ratio of ``start``, with one ``g`` after the other."""
-        best = start
+        best, ladder = start, self.rule.ladder
         for g in several:
-            while _rung(best) > 0:
-                found = self.attempt(g, LADDER[_rung(best) - 1], self._ratio(start))
+            while self.rule.least_K < best.gains.K:
+                found = self.attempt(g, ladder.rung(self._rung(best) - 1), self._ratio(start))
                 if found is None:
                     break
                 best = found
@@ -235,16 +241,17 @@ class _Finder:
 
     def lower_h(self, start: Trial) -> Trial:
         """The least ratio ``h/K``, by bisection, at the least ``K`` and on the rungs above it."""
-        best = start
+        best, rule = start, self.rule
         if start.gains.h is None or self.requested.h is not None:
             return best
-        rung = _rung(start)
-        for K in dict.fromkeys((start.gains.K, *LADDER[rung + 1 : rung + 1 + RUNGS_ABOVE])):
+        rung, ratios = self._rung(start), rule.ratios
+        higher = (rule.ladder.rung(rung + k) for k in range(1, rule.rungs_above + 1))
+        for K in dict.fromkeys((start.gains.K, *higher)):
             wanted = self._ratio(best)
-            below, above = -1, next((k for k, ratio in enumerate(RATIOS) if ratio >= wanted), len(RATIOS) - 1)
+            below, above = -1, next((k for k, ratio in enumerate(ratios) if ratio >= wanted), len(ratios) - 1)
             while above - below > 1:
                 middle = (below + above) // 2
-                found = self.attempt(start.gains.g, K, RATIOS[middle])
+                found = self.attempt(start.gains.g, K, ratios[middle])
                 if found is None:
                     below = middle
                 else:
@@ -256,8 +263,8 @@ class _Finder:
         """A little more ``h`` at the same ``K``: it often needs a far smaller saturation level."""
         self.tighten(tight)
         if tight.gains.h is not None and self.requested.h is None:
-            for ratio in RATIOS:
-                if self._ratio(tight) < ratio <= A_LITTLE * self._ratio(tight):
+            for ratio in self.rule.ratios:
+                if self._ratio(tight) < ratio <= self.rule.a_little * self._ratio(tight):
                     found = self.attempt(tight.gains.g, tight.gains.K, ratio)
                     if found is not None:
                         self.tighten(found)
@@ -265,44 +272,51 @@ class _Finder:
     def _ratio(self, trial: Trial) -> Fraction:
         return Fraction(1) if trial.gains.h is None else trial.gains.h / trial.gains.K
 
+    def _rung(self, trial: Trial) -> int:
+        """The place of its ``K`` on the ladder, or of the next one above."""
+        return self.rule.ladder.index(trial.gains.K)
 
-def _redesign(finder: _Finder, start: Trial, redesigned: Redesigned) -> tuple[_Finder, Trial]:
+
+def _redesign(finder: Finder, start: Trial, redesigned: Redesigned) -> tuple[Finder, Trial]:
     """The design that passes with the least ``K`` at the ratio of ``start``, or that leaves the saturation most of its
     level; none with a lower certified rate at the gains that are compared. One thing is changed after the other."""
-    best = start
+    best, rule = start, finder.rule
     for stage in STAGES:
         for agent in stage(best.model.agent, best.model.internal_model.order):
             trials = redesigned(agent)
             if trials is None:
                 continue
             finder.report(f"another design: {stage.__name__.replace('_', ' ')}")
-            other = _Finder(trials, finder.requested, finder.report)
+            other = finder.of(trials)
             found = other.adopt(best)
             if found is None or found.tube.tail_rate < start.tube.tail_rate:
                 continue
             lower = other.step_down(found, (best.gains.g,))
             slow = lower.tube.tail_rate < start.tube.tail_rate
-            if (lower is not found and not slow) or found.needed < CLEARLY_LESS * best.needed:
+            if (lower is not found and not slow) or found.needed < rule.clearly_less * best.needed:
                 finder, best = other, found if slow else lower
-    return finder, best if best is start else finder.step_down(best, tuple(g for g in LARGER_G if g > best.gains.g))
+    if best is start:
+        return finder, best
+    return finder, finder.step_down(best, tuple(g for g in rule.larger_g if g > best.gains.g))
 
 
-def _other_observers(finder: _Finder, start: Trial, redesigned: Redesigned) -> list[_Finder]:
-    """Other observers at gains that have passed, and at the next lower ratio ``h/K``: it is there that they differ."""
+def _other_observers(finder: Finder, start: Trial, redesigned: Redesigned) -> list[Finder]:
+    """Other observers at gains that have passed, and at lower ratios ``h/K``: it is there that they differ."""
     finders = []
     for agent in observers(start.model.agent, start.model.internal_model.order):
         trials = redesigned(agent)
         if trials is None:
             continue
         finder.report("another design: observers")
-        other = _Finder(trials, finder.requested, finder.report)
+        other = finder.of(trials)
         found = other.adopt(start)
         if found is None or found.tube.tail_rate < start.tube.tail_rate:
             continue
         other.tighten(found)
-        lower = [ratio for ratio in RATIOS if ratio < other._ratio(found)]
-        further = other.attempt(found.gains.g, found.gains.K, lower[-1]) if lower else None
-        if further is not None:
+        for ratio in reversed([ratio for ratio in finder.rule.ratios if ratio < other._ratio(found)]):
+            further = other.attempt(found.gains.g, found.gains.K, ratio)
+            if further is None:
+                break
             other.tighten(further)
         finders.append(other)
     return finders
@@ -311,8 +325,3 @@ def _other_observers(finder: _Finder, start: Trial, redesigned: Redesigned) -> l
 def _log(value: Fraction) -> float:
     """Also of numbers that no float holds."""
     return log(value.numerator) - log(value.denominator)
-
-
-def _rung(trial: Trial) -> int:
-    """The place of its ``K`` on the ladder, or of the next one above."""
-    return next((k for k, K in enumerate(LADDER) if trial.gains.K <= K), len(LADDER))

@@ -25,7 +25,7 @@ MANY_PARTS = 2
 TAIL_PARTS = {0: 1, 1: 64, 2: 12}
 MANY_TAIL_PARTS = 3
 MOST_CUT = 6
-SAFETY = 1e-9
+SAFETY = 1e-9  # of the size of v: what the floats of its flow may be away
 TRAJECTORY_SLACK = Fraction(1, 1000)  # the checker encloses the ranges in its own way
 
 
@@ -57,7 +57,8 @@ class Surroundings:
         self.spectrum: np.ndarray = spectrum
         self.modes: np.ndarray = flows
         self.inverse_modes = np.linalg.inv(self.modes) if len(self.S) else self.S
-        self.curvature = np.abs(self.S @ self.S) @ np.array([magnitude(side) for side in self.limits])
+        self.sizes = np.array([magnitude(side) for side in self.limits])
+        self.curvature = np.abs(self.S @ self.S) @ self.sizes
         ends = [floats(side) for side in exosystem.initial]
         self.centre = np.array([(lo + hi) / 2 for lo, hi in ends])
         self.radius = np.array([(hi - lo) / 2 for lo, hi in ends])
@@ -99,7 +100,7 @@ class Surroundings:
 
     def _flow(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         flow = ((self.modes * np.exp(self.spectrum * time)) @ self.inverse_modes).real
-        middle, spread = flow @ self.centre, np.abs(flow) @ self.radius + SAFETY
+        middle, spread = flow @ self.centre, np.abs(flow) @ self.radius + SAFETY * self.sizes
         return middle - spread, middle + spread
 
     def _reference(self, start: float, end: float) -> tuple[Range, float, float]:

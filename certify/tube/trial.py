@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from fractions import Fraction
 
 import numpy as np
@@ -12,31 +13,19 @@ from certify.agent_model import AgentModel
 from certify.coordinator.envelope import Envelope
 from certify.float_range import BeyondFloatsError, float_range
 from certify.recipe.matrices import observer_matrix
-from certify.tube.increments import Increments, Slopes
+from certify.tube.increments import Increments
 from certify.tube.kernels import Kernels, kernels
 from certify.tube.loop import LoopGains, Nominal, nominal_loop
-from certify.tube.modes import Modes, modes
+from certify.tube.modes import Modes, NoModes, modes
+from certify.tube.nominal import middle_slopes, nudged
 from certify.tube.observer_error import ObserverDecay, ObserverError, observer_decay
-from certify.tube.ranges import Range
 from certify.tube.reaching import InitialMagnitudes, Reached, Reaching, Stuck, initial_magnitudes
 from certify.tube.supersolution import Comparison, Feedback, Tube, TubeFailure, tube
 from certify.tube.surroundings import Surroundings
+from certify.tube.trial_rule import TrialRule
+from certify.tube.words import in_words
 
-NOMINAL_BITS = 8
-DELTA_MARGIN = 1.12
-DELTA_GROWTH = 1.4
-NEARLY = 0.6
-FAR = 3.0
-LARGEST_GAIN = Fraction(10) ** 15
-DELTA_ROUNDS = 16
-TIGHTENINGS = 3  # halvings of the logarithm of a factor of two: to within 9 %
-WAY_SHARE = 1 / 8  # of the reference's way, which is a unit of ϑ where agents start at rest
-PROGRESS = 1.02  # ratio of times of escape below which a higher saturation level is no help
-FIRST_LEVEL = 1 / 16
-LARGEST_LEVEL = 20
-COARSE = (1 / 12, 1 / 16, 1 / 24, 1 / 32)  # steps of the tube, as shares of the time so far
-BLURRED, LATER, LARGER_TAIL = 1 + 1 / 64, 1.1, 2.0
-SETTLED = (1 / 10, 1 / 100)
+RULE = TrialRule()
 
 
 @dataclass(frozen=True)
@@ -63,13 +52,32 @@ class Trial:
         return self.needed * (1 + 1e-9) <= float(self.delta)
 
 
+class Stage(IntEnum):
+    """What a trial can fail at, in order."""
+
+    LOOP = 0
+    MODES = 1
+    KERNELS = 2
+    PHASE1 = 3
+    TUBE = 4
+    LEVEL = 5
+    TAIL = 6
+
+
+Progress = tuple[Stage, float]
+
+
 @dataclass(frozen=True)
 class TrialFailure:
-    """The block that fails for these gains; ``escape`` is the time at which the tube grew out of bounds, if it did."""
+    """The block that fails for these gains; ``escape`` is the time at which the tube grew out of bounds, if it did.
+
+    ``progress`` says how far the trial came: the stage, and within the stage a number that grows.
+    """
 
     gains: LoopGains
     reason: str
     escape: float | None = None
+    progress: Progress = (Stage.LOOP, 0.0)
 
 
 @dataclass(frozen=True)
@@ -78,6 +86,7 @@ class _Missed:
 
     reason: str
     next_level: float
+    progress: Progress
     time: float | None = None
     escape: float | None = None
 
@@ -87,6 +96,7 @@ class _Loop:
     """What does not depend on the saturation level; ``furthest`` is the unit of saturation levels."""
 
     gains: LoopGains
+    nominal: Nominal
     modes: Modes
     comparison: Comparison
     furthest: float
@@ -95,23 +105,29 @@ class _Loop:
 class AgentTrials:
     """Trials of one agent's gains; what does not depend on the gains is prepared once."""
 
-    def __init__(self, model: AgentModel, envelope: Envelope, index: int) -> None:
-        self.model = model
+    def __init__(self, model: AgentModel, envelope: Envelope, index: int, rule: TrialRule = RULE) -> None:
+        self.model, self.rule = model, rule
         self.surroundings = Surroundings(model, envelope, index)
         self.increments = Increments(model)
         self.initial: InitialMagnitudes = initial_magnitudes(model, self.surroundings)
-        self.nominal = _nominal(self.increments, self.surroundings)
+        self.nominal = middle_slopes(self.increments, self.surroundings, rule.nominal_bits)
         self.observer: ObserverDecay | None = None
         if model.order > 1:
             self.observer = observer_decay(observer_matrix(model.observer))
+
+    def named(self, gains: LoopGains) -> str:
+        """The gains in words, in the units of the plant file."""
+        return in_words(gains, self.model.units)
 
     def attempt(
         self, gains: LoopGains, delta: Fraction | None = None, like: Trial | None = None
     ) -> Trial | TrialFailure:
         """Try one set of gains. A ``delta`` that is left free is the least that does, to within a factor of two; the
         search for it begins at the share of ``K |ϑ(0)|`` that did in the trial ``like``."""
-        if max(gains.g if self.model.order > 1 else 0, gains.K, gains.h or 0, delta or 0) > LARGEST_GAIN:
-            return TrialFailure(gains, f"gains above {float(LARGEST_GAIN):.0e} are beyond the search's floats")
+        largest = self.rule.largest_gain
+        if max(gains.g if self.model.order > 1 else 0, gains.K, gains.h or 0, delta or 0) > largest:
+            what = f"gains more than {float(largest):.0e} times what the agent's own rates call for"
+            return TrialFailure(gains, f"{what} are beyond the search's floats")
         try:
             with float_range():
                 return self._attempt(gains, delta, like)
@@ -124,15 +140,18 @@ class AgentTrials:
             return loop
         if delta is not None:
             result = self.at(loop, delta)
-            return TrialFailure(gains, result.reason, result.escape) if isinstance(result, _Missed) else result
-        share = FIRST_LEVEL if like is None else max(FIRST_LEVEL, float(like.delta) / self._furthest(like.gains))
+            if isinstance(result, _Missed):
+                return TrialFailure(gains, result.reason, result.escape, result.progress)
+            return result
+        first = self.rule.first_level
+        share = first if like is None else max(first, float(like.delta) / self._furthest(like.gains))
         return self._least_level(loop, share)
 
     def tightened(self, trial: Trial) -> Trial:
         """The same gains with a saturation level that is less by up to a factor of two, if one does."""
-        loop = _Loop(trial.gains, trial.modes, self._comparison(trial), self._furthest(trial.gains))
+        loop = _Loop(trial.gains, trial.nominal, trial.modes, self._comparison(trial), self._furthest(trial.gains))
         high, low = float(trial.delta), float(trial.delta) / 2
-        for _ in range(TIGHTENINGS):
+        for _ in range(self.rule.tightenings):
             middle = _short_up(float(np.sqrt(low * high)))
             result = self.at(loop, middle)
             if isinstance(result, Trial):
@@ -144,31 +163,32 @@ class AgentTrials:
     def coarsened(self, trial: Trial) -> Trial:
         """The same claim with fewer steps in the tube, so that it is checked sooner, if the bounds hardly suffer."""
         reached, comparison, found = trial.reached, self._comparison(trial), [trial]
-        for share in COARSE:
+        for share in self.rule.coarse:
             result = self._tube(comparison, reached, trial.delta, trial.gains, share)
-            if isinstance(result, Tube) and as_good(result, trial.tube):
+            if isinstance(result, Tube) and as_good(result, trial.tube, self.rule):
                 found.append(replace(trial, tube=result))
         return min((one for one in found if one.fits), key=lambda one: len(one.tube.boxes))
 
     def _least_level(self, loop: _Loop, share: float) -> Trial | TrialFailure:
         """Upwards to a saturation level that does, or downwards by halves from one."""
-        level, reason, escape = share * loop.furthest, "", None
+        rule, level, failure = self.rule, share * loop.furthest, TrialFailure(loop.gains, "")
         times = [0.0, 0.0]
-        for _ in range(DELTA_ROUNDS):
+        for _ in range(rule.delta_rounds):
             result = self.at(loop, _short_up(level))
             if isinstance(result, Trial):
-                return self._halved(loop, result) if not reason else result
-            level, reason, escape = result.next_level, result.reason, result.escape
+                return self._halved(loop, result) if not failure.reason else result
+            level = result.next_level
+            failure = TrialFailure(loop.gains, result.reason, result.escape, result.progress)
             if result.time is not None:
                 times.append(result.time)
-                if result.time <= times[-2] or result.time < PROGRESS * times[-3]:
+                if result.time <= times[-2] or result.time < rule.worth_it * times[-3]:
                     break
-            if level > LARGEST_LEVEL * loop.furthest:
+            if level > rule.largest_level * loop.furthest:
                 break
-        return TrialFailure(loop.gains, reason, escape)
+        return failure
 
     def _halved(self, loop: _Loop, trial: Trial) -> Trial:
-        while trial.delta / 2 > FIRST_LEVEL * loop.furthest:
+        while trial.delta / 2 > self.rule.first_level * loop.furthest:
             result = self.at(loop, trial.delta / 2)
             if isinstance(result, _Missed):
                 break
@@ -176,40 +196,59 @@ class AgentTrials:
         return trial
 
     def loop(self, gains: LoopGains) -> _Loop | TrialFailure:
-        loop = nominal_loop(self.model, gains, self.nominal)
-        found = modes(loop)
-        if found is None:
+        """With the nominal slopes nudged where the modes of the middle ones hardly span."""
+        for nominal in (self.nominal, *(nudged(self.nominal, nudge) for nudge in self.rule.nudges)):
+            loop = nominal_loop(self.model, gains, nominal)
+            found = modes(loop)
+            if found is not NoModes.DEFECTIVE:
+                break
+        if found is NoModes.UNSTABLE:
             return TrialFailure(gains, "the nominal loop is not stable")
+        if isinstance(found, NoModes):
+            reason = "the modes of the nominal loop hardly span, also after its slopes were changed a little"
+            return TrialFailure(gains, reason, progress=(Stage.MODES, 0.0))
         majorants = kernels(found, len(loop.columns))
-        comparison = Comparison(majorants, self.increments, self._feedback(gains))
+        comparison = Comparison(majorants, self.increments, self._feedback(gains, nominal))
         if not np.all(np.isfinite(majorants.coefficients)):
-            return TrialFailure(gains, "the kernels of the nominal loop could not be bounded")
-        return _Loop(gains, found, comparison, self._furthest(gains))
+            reason = "the kernels of the nominal loop could not be bounded"
+            return TrialFailure(gains, reason, progress=(Stage.KERNELS, 0.0))
+        return _Loop(gains, nominal, found, comparison, self._furthest(gains))
 
     def at(self, loop: _Loop, delta: Fraction) -> Trial | _Missed:
         """Both phases with one saturation level."""
         gains, comparison, level = loop.gains, loop.comparison, float(delta)
         K = float(gains.K)
+        units, rule = self.model.units, self.rule
         reached = self._reach(comparison, gains, level)
         if isinstance(reached, Stuck):
-            return _Missed(reached.reason, max(level * DELTA_GROWTH, NEARLY * K * reached.vartheta))
+            reason, next_level = reached.reason, max(level * rule.delta_growth, rule.nearly * K * reached.vartheta)
+            if reached.vartheta > 0:
+                left, wanted = (value * float(units.last) for value in (reached.vartheta, level / K))
+                reason = (
+                    f"with the saturation level delta = {level * float(units.input):.4g} the feedback stays saturated: "
+                    f"|ϑ| falls to {left:.3g}, not to delta/K = {wanted:.3g}"
+                )
+            return _Missed(reason, next_level, (Stage.PHASE1, -reached.vartheta))
         result = self._tube(comparison, reached, delta, gains)
         if isinstance(result, TubeFailure):
-            reason, escape = f"at t = {result.time:.4g}: {result.reason}", None if result.settled else result.time
-            return _Missed(reason, level * DELTA_GROWTH, result.time, escape)
-        trial = Trial(self.model, gains, delta, self.nominal, loop.modes, comparison.kernels, reached, result)
+            reason = f"at t = {result.time * float(units.time):.4g}: {result.reason}"
+            escape = None if result.settled else result.time
+            progress = (Stage.TAIL if result.settled else Stage.TUBE, result.time)
+            return _Missed(reason, level * rule.delta_growth, progress, result.time, escape)
+        trial = Trial(self.model, gains, delta, loop.nominal, loop.modes, comparison.kernels, reached, result)
         if trial.fits:
             return trial
-        reason = f"the saturation level {level:.4g} is reached: the tube needs {trial.needed:.4g}"
-        return _Missed(reason, trial.needed * DELTA_MARGIN)
+        sizes = level * float(units.input), trial.needed * float(units.input)
+        reason = f"the saturation level {sizes[0]:.4g} is reached: the tube needs {sizes[1]:.4g}"
+        return _Missed(reason, trial.needed * rule.delta_margin, (Stage.LEVEL, -trial.needed))
 
     def _comparison(self, trial: Trial) -> Comparison:
-        return Comparison(trial.kernels, self.increments, self._feedback(trial.gains))
+        return Comparison(trial.kernels, self.increments, self._feedback(trial.gains, trial.nominal))
 
     def _tube(
         self, comparison: Comparison, reached: Reached, delta: Fraction, gains: LoopGains, share: float = 0.0
     ) -> Tube | TubeFailure:
-        highest = FAR * float(delta) / float(gains.K)
+        highest = self.rule.far * float(delta) / float(gains.K)
         return tube(comparison, self.surroundings, reached.start, reached.known, reached.duration, highest, share)
 
     def _furthest(self, gains: LoopGains) -> float:
@@ -217,12 +256,12 @@ class AgentTrials:
         be: then it is what the reference's way to the optimum makes of ``ϑ``, or 1 where that stands still too."""
         theta = self._theta(gains)
         way = float(theta[0]) * float(self.model.references.peak)
-        return float(gains.K) * (max(float(theta @ self.initial.x), WAY_SHARE * way) or 1.0)
+        return float(gains.K) * (max(float(theta @ self.initial.x), self.rule.way_share * way) or 1.0)
 
-    def _feedback(self, gains: LoopGains) -> Feedback:
+    def _feedback(self, gains: LoopGains, nominal: Nominal) -> Feedback:
         zeros = self.increments.zeros
-        f0 = np.array([[float(x) for x in row] for row in self.nominal.f0]).reshape(zeros, zeros + 1)
-        return Feedback(f0, np.array([float(x) for x in self.nominal.f1]), float(self.nominal.b), float(gains.K))
+        f0 = np.array([[float(x) for x in row] for row in nominal.f0]).reshape(zeros, zeros + 1)
+        return Feedback(f0, np.array([float(x) for x in nominal.f1]), float(nominal.b), float(gains.K))
 
     def _reach(self, comparison: Comparison, gains: LoopGains, delta: float) -> Reached | Stuck:
         """The phase in which the saturation may act, up to where the tube begins."""
@@ -251,34 +290,18 @@ class AgentTrials:
         return np.array([float(gains.g) ** (n - k) * float(self.model.gamma[k - 1]) for k in range(1, n)] + [1.0])
 
 
-def _nominal(increments: Increments, surroundings: Surroundings) -> Nominal:
-    """Middle slopes at rest, over every phase of the exosystem and all parameters."""
-    zeros, order = increments.zeros, increments.order
-    rest: Slopes = increments.slopes(np.zeros(zeros), np.zeros(order), surroundings.later())
-    low, high = increments.b
-    return Nominal(
-        tuple(tuple(_middle(side) for side in row) for row in rest.f0),
-        tuple(_middle(side) for side in rest.f1),
-        _middle((low, high)),
-    )
-
-
-def as_good(coarse: Tube, fine: Tube) -> bool:
+def as_good(coarse: Tube, fine: Tube, rule: TrialRule = RULE) -> bool:
     """Every output has about the same peak, a tail of the same size, and is below shares of the peak about as soon."""
-    if not (np.all(coarse.peak <= BLURRED * fine.peak) and np.all(coarse.tail <= LARGER_TAIL * fine.tail)):
+    if not (np.all(coarse.peak <= rule.blurred * fine.peak) and np.all(coarse.tail <= rule.larger_tail * fine.tail)):
         return False
-    times = [[_last_above(tube, share * fine.peak) for share in SETTLED] for tube in (coarse, fine)]
-    return bool(np.all(np.array(times[0]) <= LATER * np.array(times[1])))
+    times = [[_last_above(tube, share * fine.peak) for share in rule.settled] for tube in (coarse, fine)]
+    return bool(np.all(np.array(times[0]) <= rule.later * np.array(times[1])))
 
 
 def _last_above(tube: Tube, level: np.ndarray) -> np.ndarray:
     """The ends of the last steps on which the outputs may be above the levels; 0 if there are none."""
     above = np.array(tube.boxes) > level
     return np.max(above * np.array(tube.grid[1:])[:, None], axis=0)
-
-
-def _middle(side: Range) -> Fraction:
-    return Fraction(round((side[0] + side[1]) / 2 * 2**NOMINAL_BITS), 2**NOMINAL_BITS)
 
 
 def _short_up(value: float) -> Fraction:

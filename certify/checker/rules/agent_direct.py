@@ -24,8 +24,8 @@ def prove_design(agent: Agent, claim: AgentClaim, witness: DirectAgentWitness) -
     """What can be decided from the design alone: sizes, signs and kernels. Raises ``Rejected``."""
     name = f"agent {agent.id}"
     _sizes(name, agent, claim, witness)
-    require(claim.g >= 1 and claim.K > 0 and claim.delta > 0, f"{name}: g ≥ 1, K > 0, δ > 0", g=claim.g, K=claim.K)
-    require(claim.h is None or claim.h >= claim.g, f"{name}: h ≥ g", h=claim.h, g=claim.g)
+    require(claim.g > 0 and claim.K > 0 and claim.delta > 0, f"{name}: g, K, δ > 0", g=claim.g, K=claim.K)
+    require(claim.h is None or claim.h > 0, f"{name}: h > 0", h=claim.h)
     require(all(gamma >= 0 for gamma in claim.gamma), f"{name}: γ ≥ 0", gamma=claim.gamma)
     require(witness.nominal.b > 0, f"{name}: nominal b > 0", b=witness.nominal.b)
     _order(name, witness)
