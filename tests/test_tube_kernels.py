@@ -18,7 +18,7 @@ from certify.checker.rules import loop as checker_loop
 from certify.tube.certificate import tube_controller
 from certify.tube.kernels import cells
 from certify.tube.loop import Loop, LoopGains, nominal_loop
-from certify.tube.modes import Modes, modes
+from certify.tube.modes import Modes, NoModes, modes
 from certify.tube.trial import Trial
 from sims.codegen import Saturation
 from sims.equations import closed_loop_equations
@@ -206,6 +206,6 @@ def test_a_first_order_agents_increment_enters_x1_alone(name: str) -> None:
 def test_an_unstable_nominal_loop_has_no_modes() -> None:
     held = trials("third_order_actuator", 2)
     loop = nominal_loop(held.model, LoopGains(Fraction(2), Fraction(60), Fraction(5)), held.nominal)
-    assert modes(loop) is None
+    assert modes(loop) is NoModes.UNSTABLE
     result = held.attempt(LoopGains(Fraction(2), Fraction(60), Fraction(5)))
     assert getattr(result, "reason", "") == "the nominal loop is not stable"

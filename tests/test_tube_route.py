@@ -166,7 +166,7 @@ def test_requested_gains_below_the_linear_limit_are_refuted() -> None:
 def test_requested_gains_that_are_too_small_are_inconclusive_and_others_are_named() -> None:
     result = certify(text_of("first_order", "g = 1\nK = 1"))
     assert result.status == "inconclusive" and result.certificate is None
-    assert re.search(r"agent 1: at t = \d.*; the nearest gains that pass: g = 1, K = \d+, delta = \d", result.reason)
+    assert re.search(r"agent 1: at t = \d.*; the nearest gains that pass: K = \d+\S*, delta = \d", result.reason)
     failed = trials("van_der_pol", 2).attempt(LoopGains(Fraction(2), Fraction(60), Fraction(60)))
     assert isinstance(failed, TrialFailure)
     assert any(why in failed.reason for why in ("at t = ", "stays saturated")), failed.reason

@@ -77,7 +77,7 @@ class TrialFailure:
     gains: LoopGains
     reason: str
     escape: float | None = None
-    progress: Progress = (Stage.LOOP, 0.0)
+    progress: Progress = (Stage.MODES, 0.0)
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,7 @@ class AgentTrials:
             if found is not NoModes.DEFECTIVE:
                 break
         if found is NoModes.UNSTABLE:
-            return TrialFailure(gains, "the nominal loop is not stable")
+            return TrialFailure(gains, "the nominal loop is not stable", progress=(Stage.LOOP, 0.0))
         if isinstance(found, NoModes):
             reason = "the modes of the nominal loop hardly span, also after its slopes were changed a little"
             return TrialFailure(gains, reason, progress=(Stage.MODES, 0.0))
