@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
-from certify.certificate import Json
-from certify.coordinator.design import CoordinatorDesign
-from certify.coordinator.envelope import Envelope
-from certify.gains.linear_stability import LinearVerdict
+from certify.certificate import Json, write_certificate
+from certify.statement.gains_table import gains_rows, gains_table
+from symbolic.answers import Answer, Rows
 from symbolic.controller import AgentController
+from symbolic.errors import InputError
+
+if TYPE_CHECKING:  # the solvers behind them need not be loaded to hold a result
+    from certify.coordinator.design import CoordinatorDesign
+    from certify.coordinator.envelope import Envelope
+    from certify.gains.linear_stability import LinearVerdict
 
 Status = Literal["certified", "refuted", "inconclusive"]
 
@@ -46,8 +52,8 @@ class AgentResult:
     alternatives: tuple[Alternative, ...] = ()
 
 
-@dataclass(frozen=True)
-class GainsResult:
+@dataclass(frozen=True, repr=False)
+class GainsResult(Answer):
     """The outcome of a route: ``certificate`` is there iff ``status == "certified"``; ``summary`` has the JSON shape
     of spec.md."""
 
@@ -59,3 +65,15 @@ class GainsResult:
     agents: tuple[AgentResult, ...] = ()
     envelope: Envelope | None = None
     coordinator: CoordinatorDesign | None = None
+
+    def said(self) -> list[str]:
+        return [f"{self.status}: {self.reason}", *gains_table(self.summary["gains"])]
+
+    def rows(self) -> Rows:
+        return gains_rows(self.summary["gains"])
+
+    def save(self, path: str | Path) -> None:
+        """Write the certificate. Raises ``InputError`` where there is none, or it cannot be written."""
+        if self.certificate is None:
+            raise InputError(f"{path}: there is no certificate to write: {self.status}: {self.reason}")
+        write_certificate(self.certificate, Path(path))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import sympy
 
+from symbolic.answers import Answer
 from symbolic.coordinates import ErrorSystem
 from symbolic.design import DesignPolynomials
 from symbolic.internal_model import InternalModel, NoInternalModel
@@ -41,8 +43,8 @@ class AgentDerivation:
         return "holds"
 
 
-@dataclass(frozen=True)
-class Derivation:
+@dataclass(frozen=True, repr=False)
+class Derivation(Answer):
     """``types``: ids of agents whose derived equations coincide (their parameter boxes may differ)."""
 
     plant: str
@@ -55,6 +57,22 @@ class Derivation:
     def verdict(self) -> str:
         verdicts = {agent.verdict for agent in self.agents}
         return next((verdict for verdict in ("fails", "unknown") if verdict in verdicts), "holds")
+
+    @property
+    def status(self) -> str:
+        """The verdict, as every answer calls it."""
+        return self.verdict
+
+    def said(self) -> list[str]:
+        from symbolic.derivation_text import as_text  # which knows this module
+
+        return [f"derivation: {self.verdict}", *as_text(self).splitlines()]
+
+    def _repr_latex_(self) -> str:
+        """For notebooks, whose mathematics has no paragraphs."""
+        from symbolic.derivation_text import as_latex
+
+        return re.sub(r"(?m)^\\paragraph\{(.*?)\}", r"\1:", as_latex(self))
 
     def representative(self, ids: tuple[int, ...]) -> AgentDerivation:
         return next(agent for agent in self.agents if agent.id == ids[0])

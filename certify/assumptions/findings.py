@@ -9,6 +9,7 @@ from typing import Literal
 
 import sympy
 
+from symbolic.answers import Answer, Rows, agents_named
 from symbolic.plant import Interval
 
 Verdict = Literal["holds", "fails", "unknown"]
@@ -44,8 +45,8 @@ def unless_holds(verdict: str) -> Verdict:
     return "fails" if verdict == "fails" else "unknown"
 
 
-@dataclass(frozen=True)
-class CheckReport:
+@dataclass(frozen=True, repr=False)
+class CheckReport(Answer):
     """All findings of a plant, in the order A0 … A6 and, within each, of the agents."""
 
     findings: tuple[Finding, ...]
@@ -57,6 +58,21 @@ class CheckReport:
         if "fails" in verdicts:
             return "fails"
         return "unknown" if "unknown" in verdicts else "holds"
+
+    def rows(self) -> Rows:
+        """One row per reason, with the agents it is true of."""
+        same: dict[tuple[str, Verdict, str], list[int]] = {}
+        for finding in self.findings:
+            ids = same.setdefault((finding.id, finding.verdict, finding.reason), [])
+            ids += [] if finding.agent is None else [finding.agent]
+        head = ("assumption", "of", "verdict", "reason")
+        return [head, *((name, agents_named(ids), verdict, why) for (name, verdict, why), ids in same.items())]
+
+    def said(self) -> list[str]:
+        rows = self.rows()[1:]
+        width = max((len(row[1]) for row in rows), default=0)
+        lines = [f"{name}  {where:<{width}}  {verdict:<7}  {reason}" for name, where, verdict, reason in rows]
+        return [*lines, f"assumptions: {self.status}"]
 
     def of(self, assumption: str, agent: int | None = None) -> Finding:
         """The finding on one assumption. Raises KeyError when there is none."""

@@ -27,18 +27,4 @@ def command(plant: PlantArgument, as_json: JsonOption = False) -> None:
 
 def outcome(checked: CheckReport) -> Outcome:
     """The report as JSON, and as one line per reason with the agents it is true of."""
-    from reports import cells
-
-    same: dict[tuple[str, str, str], list[int]] = {}
-    for finding in checked.findings:
-        ids = same.setdefault((finding.id, finding.verdict, finding.reason), [])
-        if finding.agent is not None:
-            ids.append(finding.agent)
-    rows = [(key, cells.agents_named(ids).lower() if ids else "network") for key, ids in same.items()]
-    width = max(len(where) for _, where in rows)
-    lines = [f"{name}  {where:<{width}}  {verdict:<7}  {reason}" for (name, verdict, reason), where in rows]
-    return Outcome(
-        checked.status,
-        {"assumptions": [finding.as_json() for finding in checked.findings]},
-        "\n".join([*lines, f"assumptions: {checked.status}"]),
-    )
+    return Outcome(checked.status, checked.as_json(), "\n".join(checked.said()))

@@ -35,16 +35,9 @@ def command(
 
 def derived(plant: Plant, file: str, steps: Steps) -> Derivation:
     """The derivation for the exact optimum, or for the symbol s where the optimum is not rational or not known."""
-    from certify.optimum import NoOptimumError, optimum
-    from symbolic.constants import as_rational
-    from symbolic.derivation import derive
-    from symbolic.plant import COST_VARIABLE
+    from certify.derivation import derivation_at_optimum
 
     with steps.step("derive") as report, naming(file):
-        try:
-            exact = optimum(plant).exact
-        except NoOptimumError:
-            exact = None
-        derivation = derive(plant, COST_VARIABLE if exact is None else as_rational(exact))
+        derivation = derivation_at_optimum(plant)
         report(derivation.verdict)
     return derivation

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,12 +14,12 @@ from reports.command_line.inputs import given_pair
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.outputs import deliver, require_file
 from reports.command_line.steps import Steps
-from reports.command_line.verify import controller_of
+from reports.runs import BUDGET
 
 if TYPE_CHECKING:
-    from sims.falsifier import FalsifierResult
+    from reports.answers import Falsification
 
-BUDGET = 1000
+    pass
 
 
 def command(
@@ -58,59 +57,32 @@ def command(
         require_file(output, as_json)
     file, proof = given_pair(plant, certificate)
     loaded = file.as_plant()
-    from reports.command_line import study_steps as step
-    from reports.command_line.certified_steps import deadlines, with_region
-    from sims.certified_bounds import signal_bounds
-    from sims.executors import processors
-    from sims.falsifier import falsify, require_agents
+    from reports.door import SearchOptions, falsified
 
-    require_agents(loaded, agents)
-    steps = Steps()
-    study = step.with_certificate(step.started(loaded, []), proof, steps)
-    controller = controller_of(study, proof, as_json)
-    if study.verified_certificate is not None:
-        study = with_region(step.with_derivation(study, file.name, steps), steps)
-    with steps.step("falsify") as report, naming(file.name):
-        found = falsify(
-            loaded,
-            controller,
-            budget=budget,
-            seed=seed,
-            horizon=horizon,
-            deadlines=deadlines(study, controller) if horizon is None else {},
-            bounds=() if study.bounds is None else signal_bounds(study.bounds),
-            agents=agents,
-            compiled=fast,
-            progress=report.progress,
-            share=report.share,
-            workers=1 if fast else processors(),
-            scheduler=scheduler,
-        )
-        report(found.status)
+    options = SearchOptions(budget, seed, horizon, agents, fast, scheduler)
+    with naming(file.name):
+        found = falsified(loaded, proof, options, Steps())
     made = None
-    if output is not None and found.witness is not None:
-        made = deliver(output, found.witness.text().encode())
-    finish(outcome(found, seed, study.verification or {}), as_json, made)
+    if output is not None and found.found is not None and found.found.witness is not None:
+        made = deliver(output, found.found.witness.text().encode())
+    finish(outcome(found), as_json, made)
 
 
-def outcome(found: FalsifierResult, seed: int, answer: Mapping[str, str]) -> Outcome:
+def outcome(answer: Falsification) -> Outcome:
     """``refuted`` with the witness; else ``rejected`` where the checker rejects the certificate, whatever survived."""
-    rejected = answer["status"] == "rejected"
-    status = "rejected" if rejected and found.witness is None else found.status
-    reason = f"the checker rejects the certificate: {answer['reason']}" if status == "rejected" else found.reason
-    fields = {
-        "reason": reason,
-        "certificate": dict(answer),
-        "result": found.status,
-        "searched": found.reason,
-        "margin": found.margin if math.isfinite(found.margin) else None,
-        "trajectories": found.trajectories,
-        "tried": [{key: _finite(value) for key, value in asdict(agent).items()} for agent in found.tried],
-        "seed": seed,
-        "witness": None if found.witness is None else found.witness.to_json(),
-    }
-    said = f"{status}: {reason}"
-    return Outcome(status, fields, f"{said}\nsearched: {found.reason}" if status == "rejected" else said)
+    found = answer.found
+    fields: dict[str, object] = {"reason": answer.reason, "certificate": dict(answer.certificate)}
+    if found is not None:
+        fields |= {
+            "result": found.status,
+            "searched": found.reason,
+            "margin": found.margin if math.isfinite(found.margin) else None,
+            "trajectories": found.trajectories,
+            "tried": [{key: _finite(value) for key, value in asdict(agent).items()} for agent in found.tried],
+            "seed": answer.seed,
+            "witness": None if found.witness is None else found.witness.to_json(),
+        }
+    return Outcome(answer.status, fields, "\n".join(answer.said()))
 
 
 def _finite(value: float) -> float | None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -92,6 +90,7 @@ def _with_trade_off(said: Outcome, result: GainsResult, plant: Plant, folder: Pa
 
 def outcome(result: GainsResult, plant: Plant) -> Outcome:
     """The summary as JSON, and the gains as a table."""
+    from certify.statement.gains_table import gains_table
     from reports.designs import chosen_designs
     from reports.details import search_details
 
@@ -116,20 +115,3 @@ def _others(result: GainsResult, plant: Plant) -> list[str]:
             values += design_lines(described, law)
             lines.append(f"agent {agent.id}, {other.label}: {', '.join(values)} ({other.reason})")
     return lines
-
-
-def gains_table(gains: Mapping[str, Any] | None) -> list[str]:
-    """One line per agent, rounded to four digits, log10 beside large numbers; the exact numbers are in the JSON."""
-    if gains is None:
-        return []
-    from certify.statement.numbers import with_log10
-
-    def shown(value: str | None) -> str:
-        return "-" if value is None else with_log10(Fraction(value))
-
-    columns = ("g", "K", "delta", "h")
-    rows = [["agent", *columns]]
-    rows += [[str(agent["id"]), *(shown(agent[key]) for key in columns)] for agent in gains["agents"]]
-    widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return [*lines, f"alpha1 = {shown(gains['alpha1'])}, alpha2 = {shown(gains['alpha2'])}"]

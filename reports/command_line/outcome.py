@@ -13,22 +13,10 @@ from typing import NoReturn
 
 import typer
 
+from symbolic.answers import BAD_INPUT, EXIT_CODES, UNDECIDED
 from symbolic.errors import InputError
 
-HOLDS, REFUTED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
-
-EXIT_CODES = {
-    "holds": HOLDS,
-    "certified": HOLDS,
-    "verified": HOLDS,
-    "survived": HOLDS,
-    "simulated": HOLDS,
-    "fails": REFUTED,
-    "rejected": REFUTED,
-    "refuted": REFUTED,
-    "unknown": UNDECIDED,
-    "inconclusive": UNDECIDED,
-}
+__all__ = ["BAD_INPUT", "EXIT_CODES", "UNDECIDED", "Outcome", "finish", "json_text", "naming"]
 
 
 @dataclass(frozen=True)

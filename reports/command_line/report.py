@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from reports.command_line.arguments import CertificateArgument, JsonOption, PlantArgument
-from reports.command_line.drawing import prepare_drawing
 from reports.command_line.inputs import given_pair
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.outputs import deliver, require_file
@@ -28,22 +27,9 @@ def command(
     require_file(output, as_json, ".pdf")
     file, proof = given_pair(plant, certificate)
     loaded = file.as_plant()
-    prepare_drawing()
-    from reports.command_line import study_steps as step
-    from reports.command_line.certified_steps import with_region, with_runs
-    from reports.document import build_report
-    from reports.study import conclusion
+    from reports.door import reported
 
-    steps = Steps()
-    study = step.started(loaded, ["report", plant, certificate, "-o", output])
-    study = step.with_certificate(study, proof, steps)
     with naming(file.name):
-        study = step.with_check(study, steps)
-        study = step.with_derivation(study, file.name, steps)
-        study = step.with_simulation(study, steps)
-        study = with_runs(with_region(study, steps), steps)
-    with steps.step("report"):
-        made = deliver(output, build_report(study))
-    found = conclusion(study)
-    text = f"{found.status}: {found.reason}" if found.reason else found.status
-    finish(Outcome(found.status, {"reason": found.reason, "verified": found.verified}, text), as_json, made)
+        made = reported(loaded, proof, ["report", plant, certificate, "-o", output], Steps())
+    document = deliver(output, made.pdf)
+    finish(Outcome(made.status, {"reason": made.reason, "verified": made.verified}, made.said()[0]), as_json, document)

@@ -9,9 +9,9 @@ import typer
 
 from certify.files import write_together
 from certify.routes import DEFAULT
+from certify.statement.gains_table import gains_table
 from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, RouteOption, SchedulerOption
 from reports.command_line.drawing import prepare_drawing
-from reports.command_line.gains import gains_table
 from reports.command_line.inputs import given_plant
 from reports.command_line.outcome import Outcome, finish, naming
 from reports.command_line.outputs import require_output_folder

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 QUIET = 5.0  # seconds between two lines, where nobody may be looking
 NAME = 10  # letters, of the longest step
 
+Listener = Callable[[str], None]
+
 
 class Report:
     """Calling it says how a step went; ``progress`` says what it is at, ``share`` what part of it is done."""
 
-    def __init__(self, name: str, bar: tuple[Progress, TaskID] | None) -> None:
+    def __init__(self, name: str, bar: tuple[Progress, TaskID] | None, listener: Listener | None = None) -> None:
         self.name, self.said = name, ""
-        self._bar = bar
+        self._bar, self._listener = bar, listener
         self._started = self._noted = time.monotonic()
 
     def __call__(self, text: str) -> None:
@@ -31,6 +33,9 @@ class Report:
         if self._bar is not None:
             progress, task = self._bar
             progress.update(task, description=f"{self.name}: {text}")
+            return
+        if self._listener is not None:
+            self._listener(f"{self.name}: {text}")
             return
         now = time.monotonic()
         if now - self._noted >= QUIET:
@@ -48,11 +53,14 @@ class Report:
 
 
 class Steps:
-    """Names the steps of a command as they are done. Nothing goes to stdout."""
+    """Names the steps of a command as they are done, on stderr or to a ``listener``. Nothing goes to stdout."""
+
+    def __init__(self, listener: Listener | None = None) -> None:
+        self._listener = listener
 
     @property
     def on_terminal(self) -> bool:
-        return sys.stderr.isatty()
+        return self._listener is None and sys.stderr.isatty()
 
     @contextmanager
     def step(self, name: str) -> Iterator[Report]:
@@ -62,13 +70,16 @@ class Steps:
                 report = Report(name, (progress, progress.add_task(name, total=None)))
                 yield report
         else:
-            report = Report(name, None)
+            report = Report(name, None, self._listener)
             yield report
         self.note(name, f"{report.time()}  {report.said}")
 
     def note(self, name: str, text: str) -> None:
         """A line about a step."""
-        note(name, text)
+        if self._listener is None:
+            note(name, text)
+        else:
+            self._listener(f"{name}: {text.strip()}")
 
 
 def note(name: str, text: str) -> None:

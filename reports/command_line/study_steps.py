@@ -18,10 +18,10 @@ from certify.statement.controller import certified_controller
 from reports.command_line.demonstration import demonstration_controller
 from reports.command_line.derive import derived
 from reports.command_line.inputs import Given
-from reports.command_line.simulate import obstacle, sentence
 from reports.command_line.steps import Steps
 from reports.command_line.verify import announced
 from reports.designs import designed_plant
+from reports.runs import obstacle, sentence
 from reports.study import Study, conclusion, source_date
 from sims.deadline import settled_run
 from sims.signals import Array

@@ -64,7 +64,7 @@ def agent(
 
 
 @dataclass(frozen=True)
-class Problem:
+class Network:
     """Agents on a directed graph, as a plant file would describe them.
 
     ``graph`` is a ``networkx.DiGraph``: an edge ``u → v`` says that v hears u, with its attribute ``weight`` (1 if left
@@ -80,7 +80,7 @@ class Problem:
     >>> x1, p, s, id = sympy.symbols("x1 p s id")
     >>> pair = networkx.DiGraph([(1, 2), (2, 1)])
     >>> described = agent(p * x1, (s - id) ** 2, uncertain={p: (-1, 1)})
-    >>> Problem("pair", pair, described, initial={"x": (-1, 1)}).plant.agents[1].cost
+    >>> Network("pair", pair, described, initial={"x": (-1, 1)}).plant.agents[1].cost
     (s - 2)**2
     """
 

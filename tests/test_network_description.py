@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import sympy
 
-import symbolic.problem
+import symbolic.network_description
 from symbolic.errors import InputError
+from symbolic.network_description import Network, agent
 from symbolic.plant import Interval, Plant
 from symbolic.plant_file import load_plant
-from symbolic.problem import Problem, agent
 from symbolic.toml_value import toml_value
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
@@ -29,7 +29,7 @@ PENDULUM = agent(
 RING = nx.DiGraph([(1, 2), (2, 3), (3, 1), (1, 3)])
 
 
-def pendulums(**changes: object) -> Problem:
+def pendulums(**changes: object) -> Network:
     given = {
         "name": "pendulums",
         "graph": RING,
@@ -37,7 +37,7 @@ def pendulums(**changes: object) -> Problem:
         "exosystem": {"states": (v1, v2), "S": sympy.Matrix([[0, 1], [-1, 0]]), "initial": {v1: 0, v2: 0.5}},
         "initial": {"z": 0, "x": np.array([-0.5, 0.5])},
     }
-    return Problem(**{**given, **changes})  # type: ignore[arg-type]
+    return Network(**{**given, **changes})  # type: ignore[arg-type]
 
 
 def parts(plant: Plant) -> tuple[object, ...]:
@@ -45,7 +45,7 @@ def parts(plant: Plant) -> tuple[object, ...]:
 
 
 def test_docstrings_hold() -> None:
-    assert doctest.testmod(symbolic.problem).failed == 0
+    assert doctest.testmod(symbolic.network_description).failed == 0
 
 
 def test_same_plant_as_the_file() -> None:
