@@ -74,7 +74,7 @@ def _tagged(rows: Rows) -> list[tuple[str, Sequence[str]]]:
 
 
 def agents_named(ids: Sequence[int]) -> str:
-    """``agent 1`` or ``agents 1–3, 5``; ``network`` for none."""
+    """``agent 1``, ``agents 1, 2`` or ``agents 1–3, 5``; ``network`` for none."""
     if not ids:
         return "network"
     runs: list[list[int]] = []
@@ -83,5 +83,5 @@ def agents_named(ids: Sequence[int]) -> str:
             runs[-1].append(number)
         else:
             runs.append([number])
-    parts = [str(run[0]) if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs]
+    parts = [f"{run[0]}–{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
     return f"agent{'s' if len(ids) > 1 else ''} {', '.join(parts)}"

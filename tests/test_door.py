@@ -142,4 +142,5 @@ def test_refusals() -> None:
 def test_agents_are_named_in_runs() -> None:
     assert agents_named([]) == "network"
     assert agents_named([4]) == "agent 4"
+    assert agents_named([1, 2]) == "agents 1, 2"
     assert agents_named([5, 1, 2, 3]) == "agents 1–3, 5"
