@@ -1,7 +1,9 @@
 """Certificates for distributed optimal output consensus: everything a user needs, and nothing else.
 
 >>> import certify
->>> plant = certify.read_plant("examples/first_order.toml")
+>>> plant = certify.example("first_order")  # a file of your own: certify.read_plant("plant.toml")
+>>> certify.check(plant).status
+'holds'
 >>> found = certify.gains(plant)  # doctest: +SKIP
 >>> certify.verify(plant, found).status  # doctest: +SKIP
 'verified'
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from certify.verification import Verification
     from symbolic.derived import Derivation
     from symbolic.errors import InputError
+    from symbolic.gallery import example, gallery
     from symbolic.network_description import Network, agent
     from symbolic.plant import Plant
     from symbolic.plant_file import load_plant as read_plant
@@ -45,7 +48,9 @@ _HOMES = {
     "agent": "symbolic.network_description:agent",
     "check": "certify.door:check",
     "derive": "certify.door:derive",
+    "example": "symbolic.gallery:example",
     "falsify": "reports.door:falsify",
+    "gallery": "symbolic.gallery:gallery",
     "gains": "certify.door:gains",
     "read_certificate": "certify.certificate:read_certificate",
     "read_plant": "symbolic.plant_file:load_plant",
@@ -67,8 +72,10 @@ __all__ = [
     "agent",
     "check",
     "derive",
+    "example",
     "falsify",
     "gains",
+    "gallery",
     "read_certificate",
     "read_plant",
     "region",

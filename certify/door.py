@@ -32,7 +32,7 @@ def check(plant: PlantLike) -> CheckReport:
     """The assumptions A0 … A6 (docs/theory.md, 2), each ``holds``, ``fails`` or ``unknown`` with its evidence.
 
     >>> import certify
-    >>> certify.check("examples/first_order.toml").status
+    >>> certify.check(certify.example("first_order")).status
     'holds'
     """
     from certify.assumptions.check import check_assumptions
