@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ from symbolic.controller import AgentController
 from symbolic.derivation import derive
 from symbolic.errors import InputError
 from symbolic.plant import COST_VARIABLE, Plant
-from symbolic.plant_file import parse_plant
+from symbolic.plant_file import load_plant, parse_plant
 
 TRIO = """
 schema = "consensus-plant/1"
@@ -62,6 +62,8 @@ b = 1
 cost = "s^2 + log(1 + exp(s))"
 uncertain = { p = [-2, -1] }
 """
+EXAMPLES = Path(__file__).parent.parent / "examples"
+UNSTABLE = {"five_agents_published", "third_order_actuator"}  # the published gains, and moderate ones there
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
 
@@ -337,6 +339,39 @@ def test_a_period_that_destabilises_is_refused_with_one_that_looks_stable() -> N
         InputError, match=r"with 1/2 the linearised sampled loop of agent 1 is unstable .* looks stable"
     ):
         made(plant_of(), Options(period=Fraction(1, 2), coordinator_period=Fraction(1, 2)))
+
+
+def test_a_certified_bound_of_the_input_limits_it_without_wind_up(tmp_path: Path) -> None:
+    """The model hears what was written: from far away it is limited for a while, then it settles as before."""
+    plant = plant_of()
+    controller = demonstration_controller(plant, derive(plant, COST_VARIABLE))
+    asked = {"settling": None, "input": "12", "bandwidth": None}
+    claim = {"alpha1": "5", "alpha2": "5", "agents": [{"id": str(a.id), "requirements": asked} for a in plant.agents]}
+    limited = package(plant, claim, "0" * 64, "none/0", controller, PERIODS)
+    starts = [Start(tuple(1.0 for _ in s.states), s.parameters) for s in centre(plant)]
+    found = run(plant, limited, tmp_path, 16, starts=starts)
+    assert max(float(np.abs(u).max()) for u in found.inputs) == 12.0
+    assert final_error(plant, found) < 1e-5
+    assert "certified bound of the input: 12" in c_files(limited.programs, "", ())["agent2.c"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("arithmetic", ["double", "single"])
+def test_every_example_builds_and_replays(tmp_path: Path, path: Path, arithmetic: Literal["double", "single"]) -> None:
+    """Orders 1 to 4, with and without zero dynamics and exosystem; with the plant file's gains or moderate ones."""
+    plant = load_plant(path)
+    if path.stem in UNSTABLE:
+        with pytest.raises(InputError, match=r"is unstable .* no shorter one is stable either"):
+            made(plant, Options(arithmetic=arithmetic, period=Fraction(1, 20_000)))
+        return
+    exported = made(plant, Options(arithmetic=arithmetic, period=Fraction(1, 20_000)))
+    write(exported, tmp_path, run(plant, exported, tmp_path, 0.05).lines)
+    for compiler in COMPILERS:
+        compiled = built(compiler, tmp_path, exported)
+        assert (compiled.returncode, compiled.stderr) == (0, "")
+        said = subprocess.run(["./replay", "samples.txt"], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert said.stdout.endswith(" samples, 0 differ\n")
 
 
 # --- C ----------------------------------------------------------------------------------------------------------------

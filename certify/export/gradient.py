@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fractions import Fraction
 
 import sympy
@@ -25,7 +26,7 @@ def gradient(cost: sympy.Expr) -> tuple[tuple[Constant, ...], tuple[Let, ...]]:
     """
     slope = sympy.diff(cost, COST_VARIABLE)
     polynomial = slope.as_poly(COST_VARIABLE)
-    writer = _Writer()
+    writer = ExpressionWriter({COST_VARIABLE: "s"})
     if polynomial is not None and not polynomial.degree() > LARGEST_POWER:
         result = _horner(writer, polynomial)
     else:
@@ -33,7 +34,7 @@ def gradient(cost: sympy.Expr) -> tuple[tuple[Constant, ...], tuple[Let, ...]]:
     return tuple(writer.constants), (*writer.statements, Let("slope", result, "c'(s)"))
 
 
-def _horner(writer: _Writer, polynomial: sympy.Poly) -> str:
+def _horner(writer: ExpressionWriter, polynomial: sympy.Poly) -> str:
     """``c_n s + c_(n−1)``, then times ``s`` and so on."""
     result = ""
     for k, coefficient in enumerate(polynomial.all_coeffs()):
@@ -45,18 +46,19 @@ def _horner(writer: _Writer, polynomial: sympy.Poly) -> str:
     return result
 
 
-class _Writer:
-    """Collects constants and statements while an expression is written from the inside out."""
+class ExpressionWriter:
+    """Collects constants and statements while expressions in the given symbols are written from the inside out."""
 
-    def __init__(self) -> None:
+    def __init__(self, names: Mapping[sympy.Symbol, str], meaning: str = "of the cost's slope") -> None:
         self.constants: list[Constant] = []
         self.statements: list[Let] = []
-        self._known: dict[sympy.Expr, str] = {}
+        self.meaning = meaning
+        self._known: dict[sympy.Expr, str] = dict(names)
 
     def constant(self, value: sympy.Expr) -> str:
         if value not in self._known:
             name = f"C_{len(self.constants) + 1}"
-            self.constants.append(constant(name, "of the cost's slope", _exact(value), DOUBLE))
+            self.constants.append(constant(name, self.meaning, _exact(value), DOUBLE))
             self._known[value] = name
         return self._known[value]
 
@@ -74,8 +76,6 @@ class _Writer:
         return self._known[node]
 
     def _written(self, node: sympy.Expr) -> str:
-        if node == COST_VARIABLE:
-            return "s"
         if isinstance(node, sympy.Add):
             return self.let(" + ".join(self.write(part) for part in node.as_ordered_terms()))
         if isinstance(node, sympy.Mul):
@@ -87,13 +87,13 @@ class _Writer:
         name = type(node).__name__
         if isinstance(node, sympy.Function) and name in FUNCTIONS:
             return self.let(f"{name}({self.write(node.args[0])})")
-        raise InputError(f"the slope of the cost has {name}, which is not exported")
+        raise InputError(f"{self.meaning}: {name} is not exported")
 
     def _power(self, base: sympy.Expr, exponent: sympy.Expr) -> str:
         if base == sympy.E:
             return self.let(f"exp({self.write(exponent)})")
         if not isinstance(exponent, sympy.Rational) or abs(exponent) > LARGEST_POWER:
-            raise InputError("the slope of the cost has a power that is not exported")
+            raise InputError(f"{self.meaning}: a power that is not exported")
         if exponent.q > 2:
             inner = self.let(f"log({self.write(base)})")
             return self.let(f"exp({self.constant(exponent)} * {inner})")

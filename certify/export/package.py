@@ -77,14 +77,13 @@ def package(
 
 
 def _require_stable(agent: int, loop: SampledLoop, period: Fraction) -> None:
-    radius = loop.radius(period)
-    if radius < 1:
+    if loop.looks_stable(period):
         return
     shorter = loop.shorter(period)
-    advice = "" if shorter is None else f"; {float(shorter):.2g} looks stable"
+    advice = "; no shorter one is stable either" if shorter is None else f"; {float(shorter):.2g} looks stable"
     raise InputError(
         f"period: with {period} the linearised sampled loop of agent {agent} is unstable (spectral radius "
-        f"{radius:.3f}, an estimate){advice}"
+        f"{loop.radius(period):.5g}, an estimate){advice}"
     )
 
 

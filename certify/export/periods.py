@@ -27,7 +27,7 @@ def sampling_period(agents: Sequence[Agent], laws: Sequence[AgentController], lo
     fastest = max(_fastest(agent, law) for agent, law in zip(agents, laws, strict=True))
     period = round_number(2 * math.pi / (SAMPLES_PER_PERIOD * fastest))
     for _ in range(MOST_SHORTENINGS):
-        if all(loop.radius(MARGIN * period) < 1 for loop in loops):
+        if all(loop.looks_stable(MARGIN * period) for loop in loops):
             return period
         period = round_number(0.99 * float(period))
     raise InputError("no sampling period was found for which the sampled loop looks stable; give one by --period")

@@ -25,7 +25,8 @@ from symbolic.steady_state import SteadyState
 
 Array = np.ndarray
 MOST_CORNERS = 16
-HALVINGS = 30  # before it is said that no period helps
+HALVINGS = 14  # before it is said that no period helps
+ROUNDING = 1e-10  # of an eigenvalue: nearer to 1 a radius says nothing
 
 
 @dataclass(frozen=True)
@@ -50,11 +51,15 @@ class SampledLoop:
         ]
         return max(found)
 
+    def looks_stable(self, period: Fraction) -> bool:
+        """Whether the radius is below 1 by more than rounding."""
+        return self.radius(period) < 1 - ROUNDING
+
     def shorter(self, period: Fraction) -> Fraction | None:
-        """This period halved until the radius is below 1; ``None`` if that does not happen."""
+        """This period halved until it looks stable; ``None`` if that does not happen."""
         for _ in range(HALVINGS):
             period /= 2
-            if self.radius(period) < 1:
+            if self.looks_stable(period):
                 return period
         return None
 

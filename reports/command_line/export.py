@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from symbolic.plant import Plant
 
 TARGETS = ("c", "python", "fmi")
-RECORDED = 2000  # samples of each agent in samples.txt, about
+RECORDED = 10_000  # samples of all agents in samples.txt, about
+MOST_RECORDED = 50_000  # where it takes that many until the references move
 
 
 def command(
@@ -137,12 +138,14 @@ def _samples(plant: Plant, made: Package, python: dict[str, str]) -> str:
 
     from sims.sampled_loop import centre, run_network
 
-    most = max(program.substeps for program in made.programs)
+    per_round = sum(program.substeps for program in made.programs)
+    moving = min(made.programs[0].coordinator.hold + 20, MOST_RECORDED // per_round)
+    rounds = max(1, RECORDED // per_round, moving)
     with tempfile.TemporaryDirectory() as folder:
         make = {p.id: _agent(Path(folder), f"agent{p.id}", python) for p in made.programs}
         periods = {p.id: p.period for p in made.programs}
         period = made.programs[0].period * made.programs[0].substeps
-        run = run_network(plant, make, periods, period, centre(plant), max(1, RECORDED // most))
+        run = run_network(plant, make, periods, period, centre(plant), rounds)
     return "\n".join(run.lines) + "\n"
 
 
