@@ -2,6 +2,7 @@
 
     python3 bootstrap.py certify ARGUMENT...   the command line
     python3 bootstrap.py test ARGUMENT...      the tests; arguments go to pytest
+    python3 bootstrap.py docs                  the documentation as a site, in out/docs
     python3 bootstrap.py setup                 only the set-up, with the tools for the tests
 
 What is installed is pinned and hashed in ``requirements/*.lock``. A changed lock or Python makes ``.venv`` anew.
@@ -21,6 +22,12 @@ VENV = ROOT / ".venv"
 STAMP = VENV / "installed.json"
 PYTHON = VENV / "bin" / "python"
 PACKAGES = ("symbolic", "certify", "sims", "reports")
+PARTS = {
+    "certify": ["runtime", "project"],
+    "test": ["runtime", "test", "project"],
+    "docs": ["runtime", "docs", "project"],
+    "setup": ["runtime", "test", "project"],
+}
 
 
 def fail(reason):
@@ -33,7 +40,7 @@ def lock(group):
 
 
 def wanted(part):
-    """What the stamp says of ``part`` (runtime, test or project) when it is installed."""
+    """What the stamp says of ``part`` (runtime, test, docs or project) when it is installed."""
     source = ROOT / "pyproject.toml" if part == "project" else lock(part)
     return hashlib.sha256(source.read_bytes()).hexdigest()
 
@@ -95,14 +102,17 @@ def main():
     if sys.version_info < (3, 11):
         fail("Python 3.11 or newer is needed, this is " + sys.version.split()[0])
     command, arguments = (sys.argv[1] if len(sys.argv) > 1 else ""), sys.argv[2:]
-    if command not in ("certify", "test", "setup"):
-        fail("say what to run: certify, test or setup")
-    set_up(["runtime", "project"] if command == "certify" else ["runtime", "test", "project"])
+    if command not in PARTS:
+        fail("say what to run: certify, test, docs or setup")
+    set_up(PARTS[command])
     if command == "certify":
         os.execv(VENV / "bin" / "certify", ["certify", *arguments])
     if command == "test":
         os.chdir(ROOT)
         os.execv(PYTHON, [str(PYTHON), "-m", "pytest", "-n", "2", *arguments])
+    if command == "docs":
+        os.chdir(ROOT)
+        os.execv(PYTHON, [str(PYTHON), "-m", "sphinx", "-W", "-q", "-b", "html", "docs", "out/docs", *arguments])
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from certify.gains.requested import requested_controller
 from sims.agent_loop import agent_loop, upper_layer
 from sims.batch import BatchOptions, integrate_batch
 from sims.search_space import SharedPoint
-from symbolic.controller import Controller
+from symbolic.controller import Controller, CoordinatorGains
 from symbolic.derivation import derive
 from symbolic.plant import COST_VARIABLE, RequestedGains
 from symbolic.plant_file import parse_plant
@@ -59,7 +59,7 @@ def main(count: int) -> None:
     plant = parse_plant(PLANT, "benchmark")
     gains = RequestedGains(Fraction(2), Fraction(50), Fraction(10_000), Fraction(500))
     laws = tuple(law for agent in derive(plant, COST_VARIABLE).agents if (law := requested_controller(agent, gains)))
-    loop = agent_loop(plant, Controller(Fraction(3), Fraction(2), laws), 1)
+    loop = agent_loop(plant, Controller(CoordinatorGains(Fraction(3), Fraction(2)), laws), 1)
     layer = upper_layer(plant, loop.controller, SharedPoint((Fraction(0), Fraction(1)), (Fraction(2),) * 2), END)
     psi = [float(value) for value in loop.law.psi]
     starts = np.random.default_rng(1).uniform(-1, 1, (count, 7))  # x1 x2 z, observer, internal model

@@ -24,10 +24,11 @@ import sympy
 
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
 from certify.gains.linear_stability import necessary_condition
+from certify.network_certificate import COORDINATOR_KEYS
 from certify.optimum import optimum
 from certify.pipeline import GainsResult, design_gains
 from sims.falsifier import falsify
-from symbolic.controller import AgentController, Controller
+from symbolic.controller import AgentController, Controller, CoordinatorGains
 from symbolic.derivation import derive
 from symbolic.plant import COST_VARIABLE, Plant
 from symbolic.plant_file import parse_plant
@@ -209,7 +210,7 @@ def _controller(claim: Json) -> Controller:
         )
         for entry in claim["agents"]
     )
-    return Controller(Fraction(claim["alpha1"]), Fraction(claim["alpha2"]), laws)
+    return Controller(CoordinatorGains(**{key: Fraction(claim[key]) for key in COORDINATOR_KEYS}), laws)
 
 
 def _row(entries: list[str]) -> tuple[Fraction, ...]:

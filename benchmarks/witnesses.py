@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from certify.coordinator.design import proposed_gains
 from certify.gains.requested import requested_controller
 from sims.agent_loop import agent_loop, upper_layer
 from sims.falsifier import HORIZON, TOLERANCE, Candidate, Search, falsify
@@ -26,7 +27,6 @@ from symbolic.plant_file import load_plant
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "examples" / "witnesses"
-ALPHA = Fraction(5)
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Case:
         gains = RequestedGains(*map(Fraction, self.gains))
         laws = [requested_controller(derived, gains) for derived in derive(plant, COST_VARIABLE).agents]
         found = tuple(law for law in laws if law is not None)
-        return plant, Controller(plant.coordinator.alpha1 or ALPHA, plant.coordinator.alpha2 or ALPHA, found)
+        return plant, Controller(proposed_gains(plant), found)
 
 
 CASES = (

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 from certify.agent_model import Matrix
 from certify.certificate import SCHEMA, Json, number, numbers, rows
 from certify.coordinator.design import CoordinatorDesign
-from symbolic.controller import AgentController
+from symbolic.controller import AgentController, CoordinatorGains
 from symbolic.plant import Interval, Plant, Requirements
+
+COORDINATOR_KEYS = tuple(field.name for field in fields(CoordinatorGains))
 
 
 def network_certificate(
@@ -24,15 +27,14 @@ def network_certificate(
 ) -> Json:
     """The certificate of a network all of whose agents passed, each with its controller and witness; ``invariant`` is
     ``Q``. With ``requirements`` the claim repeats those of the plant."""
-    model = coordinator.model
+    gains = coordinator.gains
     return {
         "schema": SCHEMA,
         "theorem": theorem,
         "producer": dict(versions),
         "claim": {
             "plant_sha256": plant.sha256,
-            "alpha1": number(model.alpha1),
-            "alpha2": number(model.alpha2),
+            **{key: number(getattr(gains, key)) for key in COORDINATOR_KEYS},
             "agents": [
                 _controller(controller) | (_requirements(plant.requirements_of(controller.id)) if requirements else {})
                 for controller, _ in agents
@@ -40,15 +42,9 @@ def network_certificate(
         },
         "witness": {
             "optimum": [number(optimum.lo), number(optimum.hi)],
+            "left_null_vector": numbers(coordinator.r),
             "exosystem": {"Q": rows(invariant)} if invariant else None,
-            "coordinator": {
-                "P": rows(coordinator.comparison.P),
-                "multiplier": numbers(coordinator.comparison.multiplier),
-                "rate": number(coordinator.comparison.rate),
-                "mixing_rate": number(coordinator.comparison.mixing_rate),
-                "step": number(coordinator.mixing.step),
-                "steps": number(coordinator.mixing.steps),
-            },
+            "coordinator": coordinator.witness,
             "agents": [witness for _, witness in agents],
         },
     }

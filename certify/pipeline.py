@@ -12,7 +12,7 @@ from certify.assumptions.findings import CheckReport
 from certify.certificate import Json, certificate_bytes, claim_digest, number
 from certify.checker import check as independent_check
 from certify.float_range import BeyondFloatsError, float_range
-from certify.network_certificate import network_certificate
+from certify.network_certificate import COORDINATOR_KEYS, network_certificate
 from certify.preparation import Prepared, Report, Stopped, prepare
 from certify.results import AgentResult, GainsResult, Status
 from certify.routes import ROUTES, Route
@@ -102,7 +102,7 @@ def _summary(status: Status, route: str, certificate: Json, results: tuple[Agent
         }
         for entry, result in zip(claim["agents"], results, strict=True)
     ]
-    gains = {"alpha1": claim["alpha1"], "alpha2": claim["alpha2"], "agents": agents}
+    gains = {**{key: claim[key] for key in COORDINATOR_KEYS}, "agents": agents}
     return {"status": status, "route": route, "gains": gains, "claim": {**claim, "sha256": claim_digest(certificate)}}
 
 

@@ -75,7 +75,7 @@ DIRECT = Route(
     long=True,
     proves=frozenset({"requirements"}),
 )
-RECIPE = Route("recipe", "recipe/1", COARSE, frozenset(), _recipe, long=False)
+RECIPE = Route("recipe", "recipe/2", COARSE, frozenset(), _recipe, long=False)
 ROUTES = {route.name: route for route in (DIRECT, RECIPE)}
 DEFAULT = DIRECT.name
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from certify.gains.requested import requested_controller
 from sims.sampled_controller import run_sampled
 from sims.search_space import AgentPoint, SharedPoint
-from symbolic.controller import Controller
+from symbolic.controller import Controller, CoordinatorGains
 from symbolic.derivation import derive
 from symbolic.plant import COST_VARIABLE, RequestedGains
 from symbolic.plant_file import load_plant
@@ -34,7 +34,7 @@ def main() -> None:
     shared = SharedPoint((Fraction(0), Fraction(1)), (Fraction(0),) * 5)
     for name, gains in GAINS.items():
         laws = tuple(law for agent in derivation.agents if (law := requested_controller(agent, gains)) is not None)
-        controller = Controller(Fraction(5), Fraction(5), laws)
+        controller = Controller(CoordinatorGains(Fraction(5), Fraction(5)), laws)
         print(name)
         for rate in RATES:
             run = run_sampled(plant, controller, 1, start, shared, rate=rate, horizon=15)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
+from certify.network_certificate import COORDINATOR_KEYS
 from certify.statement.claim import CertifiedGains
 from certify.statement.numbers import fraction
 from certify.statement.tube import Tube
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from certify.pipeline import AgentResult, GainsResult
 
 MATRIX_UP_TO = 9
+SYMBOLS = ("alpha_1", "alpha_2", "kappa", "beta", 't_"mix"', "nu")  # of COORDINATOR_KEYS, in typst
 
 
 def gains_section(study: Study, certified: CertifiedGains | None, stands: bool) -> dict[str, Any] | None:
@@ -26,13 +28,13 @@ def gains_section(study: Study, certified: CertifiedGains | None, stands: bool) 
     summary = None if study.gains is None else (study.gains.summary or {}).get("gains")
     if summary:
         entries: list[Mapping[str, Any]] = list(summary.get("agents") or ())
-        alphas = [tables.exact(summary.get(name)) for name in ("alpha1", "alpha2")]
+        constants = [tables.exact(summary.get(name)) for name in COORDINATOR_KEYS]
     elif certified is not None:
         entries = [
             {"id": a.id, "g": a.g, "K": a.K, "delta": a.delta, "h": a.h, "level": a.level, "rate": a.rate}
             for a in certified.agents
         ]
-        alphas = [certified.alpha1, certified.alpha2]
+        constants = list(certified.coordinator.named.values())
     else:
         return None
     if not entries:
@@ -41,7 +43,9 @@ def gains_section(study: Study, certified: CertifiedGains | None, stands: bool) 
         entries = [{key: entry[key] for key in entry if key not in ("level", "rate")} for entry in entries]
     return {
         "bounded": stands,
-        "shared": [f"alpha_{k} = {number(value)}" for k, value in enumerate(alphas, start=1) if value is not None],
+        "shared": [
+            f"{symbol} = {number(value)}" for symbol, value in zip(SYMBOLS, constants, strict=True) if value is not None
+        ],
         "requested": any(gains != RequestedGains() for gains in study.plant.gains),
         "table": tables.gains_table(entries),
         "designs": [cells.text(line, 2000) for line in _designs(study)],
@@ -121,10 +125,10 @@ def _coordinator(gains: GainsResult | None, certified: CertifiedGains | None) ->
     P = None
     if certified is not None:
         facts = [
-            ["Size of $P$", cells.text(f"{len(certified.P)} × {len(certified.P)}")],
-            ["Decay rate $lambda_0$", cells.number(certified.coordinator["rate"], "down")],
-            ["Mixing rate $hat(lambda)$", cells.number(certified.coordinator["mixing_rate"], "down")],
-            ["Grid", cells.text(_grid(certified.coordinator))],
+            ["Norm", cells.text(_norm_in_words(certified))],
+            ["Decay rate $lambda_0$", cells.number(certified.norm["rate"], "down")],
+            ["Mixing rate $hat(lambda)$", cells.number(certified.norm["mixing_rate"], "down")],
+            ["Grid", cells.text(_grid(certified.norm))],
         ]
         P = cells.matrix(certified.P) if 0 < len(certified.P) <= MATRIX_UP_TO else None
     peaks = (
@@ -138,8 +142,14 @@ def _coordinator(gains: GainsResult | None, certified: CertifiedGains | None) ->
     return {"facts": facts, "P": P, "peaks": peaks}
 
 
-def _grid(coordinator: Mapping[str, Fraction]) -> str:
-    return f"{coordinator['steps']} steps of {fraction(coordinator['step'])} s"
+def _norm_in_words(certified: CertifiedGains) -> str:
+    if certified.P:
+        return f"a matrix of {len(certified.P)} × {len(certified.P)}"
+    return f"structured, for {len(certified.left_null_vector)} agents"
+
+
+def _grid(norm: Mapping[str, Fraction]) -> str:
+    return f"{norm['steps']} steps up to {fraction(norm['end'])} s"
 
 
 def claim_section(study: Study, certified: CertifiedGains | None) -> dict[str, Any]:

@@ -96,12 +96,13 @@ def _shared_gains(simulated: Controller | None, groups: Sequence[Sequence[AgentC
     law = groups[0][0]
     named = {"g": law.g, "K": law.K} | ({} if law.h is None else {"h": law.h})
     values = ", ".join(number(value) for value in named.values())
-    alpha = f"(alpha_1, alpha_2) = ({number(simulated.alpha1)}, {number(simulated.alpha2)})"
+    coordinator = simulated.coordinator
+    alpha = f"(alpha_1, alpha_2) = ({number(coordinator.alpha1)}, {number(coordinator.alpha2)})"
     return f"({', '.join(named)}) = ({values}), quad delta = {number(law.delta)}, quad {alpha}"
 
 
 def _coordinator(simulated: Controller) -> str:
-    return f"Coordinator gains {shown(simulated.alpha1)} and {shown(simulated.alpha2)}."
+    return f"Coordinator gains {shown(simulated.coordinator.alpha1)} and {shown(simulated.coordinator.alpha2)}."
 
 
 def _remark(simulated: Controller | None, certified: CertifiedGains | None) -> dict[str, Any]:

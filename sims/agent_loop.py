@@ -114,8 +114,9 @@ def upper_layer(
     plant: Plant, controller: Controller, start: SharedPoint, horizon: float, rtol: float = 1e-8, atol: float = 1e-10
 ) -> UpperLayer:
     """Exosystem and coordinator from ``start``."""
-    gains = (float(controller.alpha1), float(controller.alpha2))
-    return integrate_upper_layer(plant, gains, start.floats, horizon, rtol, atol, BatchOptions().escape_radius)
+    return integrate_upper_layer(
+        plant, controller.coordinator, start.floats, horizon, rtol, atol, BatchOptions().escape_radius
+    )
 
 
 def _float(value: Fraction) -> float:

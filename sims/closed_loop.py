@@ -121,7 +121,7 @@ def simulate(
     chosen = nominal(plant, controller) if scenario is None else scenario
     upper = integrate_upper_layer(
         plant,
-        (float(controller.alpha1), float(controller.alpha2)),
+        controller.coordinator,
         (chosen.v, chosen.reference, chosen.zeta),
         float(horizon),
         rtol / 100,

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 import sympy
@@ -16,12 +15,12 @@ from scipy.integrate import DOP853, DenseOutput
 from scipy.optimize import brentq
 
 from sims.codegen import ARITHMETIC_ERRORS, CompiledFunction, compile_function
+from sims.held_coordinator import Status, held_layer
 from sims.signals import Array, PiecewisePolynomial, fit_piece
+from symbolic.controller import CoordinatorGains
 from symbolic.errors import InputError
 from symbolic.network import laplacian
 from symbolic.plant import COST_VARIABLE, Plant
-
-Status = Literal["completed", "escaped", "failed"]
 
 MAX_STEPS = 20_000  # the five agents need 45 for 30 s; a coordinator that rings or is stiff would go on for hours
 
@@ -71,7 +70,7 @@ def estimated_optimum(plant: Plant) -> float:
 @lru_cache(maxsize=8)
 def integrate_upper_layer(
     plant: Plant,
-    alpha: tuple[float, float],
+    gains: CoordinatorGains,
     start: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]],
     horizon: float,
     rtol: float,
@@ -80,25 +79,31 @@ def integrate_upper_layer(
 ) -> UpperLayer:
     """Solve ``v' = S v``, ``ξ' = −L ξ`` and the coordinator from ``start = (v(0), y^r(0), ζ(0))``, ``ξ(0) = I``:
 
-        y^r_i' = −c_i'(y^r_i)/ξ_i^i − α1 (L y^r)_i − α2 ζ_i,     ζ' = α1 L y^r.
+        y^r_i' = −κ c_i'(y^r_i)/ξ_i^i − α1 (L y^r)_i − α2 ζ_i,     ζ' = α1 L y^r,     ξ' = −β L ξ
+
+    (references that wait for the mixing layer: ``sims.held_coordinator``).
 
     The layer is smooth and not stiff for the gains of practice, and the agents need it between the steps: DOP853 has
     order 8 and an interpolant of order 7, which is kept as a piecewise polynomial. The state has ``n_v + 2N + N²``
     entries. After ``MAX_STEPS`` steps it ends as ``failed``.
     """
     N, nv = plant.digraph.agents, len(plant.exosystem.states)
+    if gains.held:
+        found = held_layer(plant, gains, start, horizon, rtol, escape_radius)
+        return UpperLayer(found.signals, nv, N, found.status, found.reason)
     L = np.array(laplacian(plant.digraph), dtype=float)
     S = np.array(plant.exosystem.S.tolist(), dtype=float).reshape(nv, nv)
     slopes = _cost_slopes(plant)
-    alpha1, alpha2 = alpha
+    alpha1, alpha2 = float(gains.alpha1), float(gains.alpha2)
+    kappa, beta = float(gains.gradient_gain), float(gains.mixing_gain)
     diagonal = nv + 2 * N + (N + 1) * np.arange(N)
     kept = np.concatenate([np.arange(nv + 2 * N), diagonal])
 
     def derivative(t: float, q: Array) -> Array:
         reference, zeta, xi = q[nv : nv + N], q[nv + N : nv + 2 * N], q[nv + 2 * N :].reshape(N, N)
         exchange = alpha1 * (L @ reference)
-        descent = np.array(slopes(reference.tolist())) / np.diagonal(xi)
-        return np.concatenate([S @ q[:nv], -descent - exchange - alpha2 * zeta, exchange, -(L @ xi).ravel()])
+        descent = kappa * np.array(slopes(reference.tolist())) / np.diagonal(xi)
+        return np.concatenate([S @ q[:nv], -descent - exchange - alpha2 * zeta, exchange, -beta * (L @ xi).ravel()])
 
     initial = np.concatenate([*map(np.array, start), np.eye(N).ravel()])
     breaks: list[float] = [0.0]

@@ -161,10 +161,10 @@ def run_reference(
 
 
 def gains_of(controller: Controller, number: int) -> tuple[tuple[str, str], ...]:
-    """``α1, α2`` and the gains of agent ``number`` as exact text."""
+    """The coordinator's constants and the gains of agent ``number`` as exact text."""
     law = controller.agents[number - 1]
     gains = {"g": law.g, "K": law.K, "delta": law.delta, "h": "none" if law.h is None else law.h}
-    named = {"alpha1": controller.alpha1, "alpha2": controller.alpha2, **gains}
+    named = {**controller.coordinator.named, **gains}
     return _pairs(named)
 
 

@@ -30,9 +30,31 @@ class AgentController:
 
 
 @dataclass(frozen=True)
-class Controller:
-    """Coordinator gains ``α1, α2`` and one decentralised controller per agent, in the order of the agents."""
+class CoordinatorGains:
+    """``α1, α2`` (per time), ``κ`` (``gradient_gain``), ``β`` (``mixing_gain``), ``t_mix`` (``mixing_time``) and ``ν``
+    (``softening``, per time) of docs/coordinator.md; left out, they are the paper's."""
 
     alpha1: Fraction
     alpha2: Fraction
+    gradient_gain: Fraction = Fraction(1)
+    mixing_gain: Fraction = Fraction(1)
+    mixing_time: Fraction = Fraction(0)
+    softening: Fraction = Fraction(0)
+
+    @property
+    def named(self) -> dict[str, Fraction]:
+        """The constants by the names that they have in files."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+    @property
+    def held(self) -> bool:
+        """Whether the references wait for the mixing layer."""
+        return self.mixing_time > 0
+
+
+@dataclass(frozen=True)
+class Controller:
+    """The coordinator and one decentralised controller per agent, in the order of the agents."""
+
+    coordinator: CoordinatorGains
     agents: tuple[AgentController, ...]

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from sims import Scenario, nominal
-from symbolic.controller import AgentController, Controller
+from symbolic.controller import AgentController, Controller, CoordinatorGains
 from symbolic.design import design_polynomials
 from symbolic.internal_model import InternalModel, internal_model
 from symbolic.plant import COST_VARIABLE, Interval, Plant
@@ -40,7 +40,7 @@ def controller_for(
                 h=Fraction(h) if agent.order > 1 else None,
             )
         )
-    return Controller(Fraction(alpha[0]), Fraction(alpha[1]), tuple(laws))
+    return Controller(CoordinatorGains(Fraction(alpha[0]), Fraction(alpha[1])), tuple(laws))
 
 
 def with_gains(controller: Controller, **gains: Any) -> Controller:

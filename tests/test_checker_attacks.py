@@ -50,6 +50,10 @@ def _agent(certificate: Json, part: str = "witness") -> Json:
     return certificate[part]["agents"][0]  # type: ignore[no-any-return]
 
 
+def _coordinator(certificate: Json) -> Json:
+    return certificate["witness"]["coordinator"]  # type: ignore[no-any-return]
+
+
 def _times(value: str, factor: Fraction) -> str:
     return str(Fraction(value) * factor)
 
@@ -104,17 +108,36 @@ WITNESS_OF_SECOND: dict[str, Callable[[Json], Any]] = {
     "Q only semidefinite": lambda c: c["witness"].update(exosystem={"Q": [["0", "0"], ["0", "0"]]}),
     "Q negative": lambda c: c["witness"].update(exosystem={"Q": [["-1", "0"], ["0", "-1"]]}),
     "Q not kept": lambda c: c["witness"].update(exosystem={"Q": [["1", "0"], ["0", "2"]]}),
-    "step negative": lambda c: c["witness"]["coordinator"].update(step="-1/4"),
-    "step 0": lambda c: c["witness"]["coordinator"].update(step="0"),
-    "step huge": lambda c: c["witness"]["coordinator"].update(step=HUGE),
-    "no steps": lambda c: c["witness"]["coordinator"].update(steps="0"),
-    "one short step": lambda c: c["witness"]["coordinator"].update(step="1/64", steps="1"),
-    "most steps": lambda c: c["witness"]["coordinator"].update(steps="1000000"),
+    "no curve": lambda c: _coordinator(c).update(curve=[], times=[c["claim"]["mixing_time"]]),
+    "the curve is zero": lambda c: _coordinator(c).update(
+        curve=[[["0"] for _ in step] for step in _coordinator(c)["curve"]]
+    ),
+    "one stretch only": lambda c: _coordinator(c).update(
+        curve=_coordinator(c)["curve"][:1], times=_coordinator(c)["times"][:2]
+    ),
+    "stretches in another order": lambda c: _coordinator(c)["curve"].reverse(),
+    "times in another order": lambda c: _coordinator(c)["times"].reverse(),
+    "a stretch without length": lambda c: _coordinator(c)["times"].__setitem__(2, _coordinator(c)["times"][1]),
+    "the curve begins earlier": lambda c: _coordinator(c)["times"].__setitem__(0, "0"),
+    "unit negative": lambda c: _coordinator(c).update(unit="-1"),
+    "unit huge": lambda c: _coordinator(c).update(unit=HUGE),
+    "unit tiny": lambda c: _coordinator(c).update(unit=TINY),
+    "no time to mix": lambda c: (c["claim"].update(mixing_time=TINY), _coordinator(c)["times"].__setitem__(0, TINY)),
+    "starts at once": lambda c: c["claim"].update(mixing_time="0"),
+    "mixing slowly": lambda c: c["claim"].update(mixing_gain=TINY),
+    "soft start negative": lambda c: c["claim"].update(softening="-1"),
+    "soft start huge": lambda c: c["claim"].update(softening=HUGE),
+    "gradient gain 0": lambda c: c["claim"].update(gradient_gain="0"),
+    "gradient gain ten times": lambda c: c["claim"].update(
+        gradient_gain=_times(c["claim"]["gradient_gain"], Fraction(10))
+    ),
+    "c below B²": lambda c: _coordinator(c).update(c=TINY),
+    "B huge": lambda c: _coordinator(c).update(B=[HUGE]),
+    "shift negative": lambda c: _coordinator(c).update(shift="-1"),
+    "left null vector of another graph": lambda c: c["witness"].update(left_null_vector=["1/2"]),
     "rate negative": lambda c: c["witness"]["coordinator"].update(rate="-1"),
-    "rate beyond the truth": lambda c: c["witness"]["coordinator"].update(rate="11/10"),
+    "rate beyond the truth": lambda c: c["witness"]["coordinator"].update(rate="11"),
     "mixing rate 0": lambda c: c["witness"]["coordinator"].update(mixing_rate="0"),
-    "multiplier negative": lambda c: c["witness"]["coordinator"].update(multiplier=["-1"]),
-    "P of the coordinator tiny": lambda c: c["witness"]["coordinator"].update(P=[[TINY]], multiplier=["0"], rate="2"),
     "α1 negative": lambda c: c["claim"].update(alpha1="-1"),
     "α2 zero": lambda c: c["claim"].update(alpha2="0"),
     "no agents": lambda c: (c["claim"].update(agents=[]), c["witness"].update(agents=[])),
@@ -123,7 +146,7 @@ WITNESS_OF_SECOND: dict[str, Callable[[Json], Any]] = {
         c["witness"]["agents"].append(_agent(c)),
     ),
     "another theorem": lambda c: c.update(theorem="direct/3"),
-    "unknown theorem": lambda c: c.update(theorem="recipe/2"),
+    "unknown theorem": lambda c: c.update(theorem="recipe/1"),
 }
 
 

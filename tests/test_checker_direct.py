@@ -259,7 +259,7 @@ def more(key: str, value: object) -> Change:
         ("first", lambda c: agent(c)["nominal"].__setitem__("f2", [])),
         ("second", lambda c: agent(c)["phase1"].pop("vartheta")),
         ("first", lambda c: c.__setitem__("theorem", "direct/1")),
-        ("first", lambda c: c.__setitem__("theorem", "recipe/1")),
+        ("first", lambda c: c.__setitem__("theorem", "recipe/2")),
         ("first", lambda c: c.__setitem__("theorem", ["direct/3"])),
         ("second", put("phase1", None)),
         ("second", put("phase1.grid", [])),

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from certify.checker import check
-from certify.checker.certificate import read_certificate
+from certify.checker.certificate import MAX_BYTES, read_certificate
 from certify.checker.expressions import Name, Number
 from certify.checker.plant import read_plant
 from certify.checker.requested import Coordinator, Gains
@@ -272,7 +272,7 @@ REFUSED_CERTIFICATES: list[tuple[bytes, str]] = [
         (encode(put(path, value)), reason)
         for path, value, reason in [
             ("schema", "consensus-certificate/2", "this checker reads"),
-            ("theorem", "recipe/2", "this checker reads"),
+            ("theorem", "recipe/1", "this checker reads"),
             ("theorem", None, "keys"),
             ("producer", [], "producer"),
             ("producer", {str(k): "" for k in range(33)}, "producer"),
@@ -305,7 +305,7 @@ REFUSED_CERTIFICATES: list[tuple[bytes, str]] = [
             ("claim.agents.0.gamma", "1", "list"),
             ("claim.agents.0.M", ["1"], "list"),
             ("witness.coordinator.P", [["1", "2"], ["1"]], "differ in length"),
-            ("witness.coordinator.P", [["0"]] * 600, "list of at most"),
+            ("witness.coordinator.P", [["0"]] * 2_100, "list of at most"),
             ("witness.coordinator.steps", "1/2", "integer"),
             ("witness.coordinator.steps", "0", "integer"),
             ("witness.coordinator.steps", "10000000", "integer"),
@@ -326,7 +326,7 @@ def test_what_is_no_certificate_is_refused(data: bytes, reason: str) -> None:
 
 def test_large_certificates_are_refused_unread() -> None:
     with pytest.raises(Malformed, match="too large"):
-        read_certificate(b"[" * (1 << 24) + b"]", kinds())
+        read_certificate(b"[" * MAX_BYTES + b"]", kinds())
 
 
 MISFITS: list[tuple[str, Any]] = [

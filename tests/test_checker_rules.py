@@ -82,7 +82,7 @@ WITNESS_CHANGES: list[tuple[str, Json, str]] = [
     ("witness.coordinator.step", "-1/64", "mixing: Δ > 0, ‖LΔ‖ ≤ 1"),
     ("witness.coordinator.step", "0", "mixing: Δ > 0, ‖LΔ‖ ≤ 1"),
     ("witness.coordinator.steps", "1", "coordinator: Lyapunov inequality"),
-    ("witness.coordinator.mixing_rate", "3", "mixing: Rm L + LᵀRm ⪰ 2λ̂(Rm − r rᵀ)"),
+    ("witness.coordinator.mixing_rate", "3", "mixing: Rm βL + βLᵀRm ⪰ 2λ̂(Rm − r rᵀ)"),
     ("witness.coordinator.mixing_rate", "0", "coordinator: λ0, λ̂ > 0"),
     ("witness.coordinator.rate", "-1", "coordinator: λ0, λ̂ > 0"),
     ("witness.coordinator.rate", "3", "coordinator: Lyapunov inequality"),
@@ -120,8 +120,8 @@ WITNESS_CHANGES: list[tuple[str, Json, str]] = [
 ]
 
 CLAIM_CHANGES: list[tuple[str, Json, str]] = [
-    ("claim.alpha1", "-1", "coordinator: α1, α2 > 0"),
-    ("claim.alpha2", "0", "coordinator: α1, α2 > 0"),
+    ("claim.alpha1", "-1", "coordinator: α1, α2, κ, β > 0"),
+    ("claim.alpha2", "0", "coordinator: α1, α2, κ, β > 0"),
     ("claim.alpha1", "1/10", "coordinator: Lyapunov inequality"),
     ("claim.alpha2", "50", "coordinator: Lyapunov inequality"),
     ("claim.agents.0.psi.0", "7", "agent 1: A5: TΦ − MT = NΓ, Ψ = ΓT⁻¹"),
@@ -156,7 +156,7 @@ def test_each_obligation_rejects(path: str, value: Json, obligation: str) -> Non
 
 PLANT_CHANGES: list[tuple[str, str, str]] = [
     ('edges  = ["1 -> 2", ["2 -> 1", "3/2"]]', 'edges  = ["1 -> 2"]', "A2: strongly connected"),
-    ('["2 -> 1", "3/2"]', '["2 -> 1", "1/100"]', "mixing: Rm L + LᵀRm"),
+    ('["2 -> 1", "3/2"]', '["2 -> 1", "1/100"]', "A2: rᵀL = 0"),
     ("[[0, 1], [-1, 0]]", '[[0, 1], [-1, "-1/1000000000000000000"]]', "A4: SᵀQ + QS = 0"),
     ("[[0, 1], [-1, 0]]", "[[0, 1], [0, 0]]", "A4: SᵀQ + QS = 0"),
     ("[[0, 1], [-1, 0]]", '[[0, "sqrt(2)"], ["-sqrt(2)", 0]]', "A4: S is rational"),
@@ -208,12 +208,15 @@ def test_a_certificate_for_another_plant_is_rejected(old: str, new: str, obligat
         ("[gains]\nh = 12345\n", "h"),
         ("[gains]\ng = 3\n", "g"),
         ("[gains]\ndelta = 3\n", "delta"),
-        ("[coordinator]\nalpha1 = 4\n", "alpha1"),
-        ("[coordinator]\nalpha2 = 4\n", "alpha2"),
+        ("alpha1 = 4\n", "alpha1"),
+        ("alpha2 = 4\n", "alpha2"),
+        ("gradient_gain = 2\n", "gradient_gain"),
+        ("mixing_gain = 2\n", "mixing_gain"),
+        ("softening = 2\n", "softening"),
     ],
 )
 def test_what_the_plant_file_fixes_must_be_claimed(table: str, key: str) -> None:
-    plant, certificate = load("mixed")
+    plant, certificate = load("mixed")  # whose last table is [coordinator]
     rejected(judge(plant + table, certificate), f"{key} is fixed by the plant file")
 
 
@@ -233,10 +236,7 @@ def test_a_design_that_the_plant_file_fixes_must_be_claimed(line: str) -> None:
 
 def test_what_the_plant_file_fixes_and_the_claim_repeats_is_accepted() -> None:
     plant, certificate = load("mixed")
-    other = (
-        plant.replace("order         = 2\n", "order         = 2\ngamma = [1]\nobserver = [1, 2]\n")
-        + "[coordinator]\nalpha1 = 5\n"
-    )
+    other = plant.replace("order         = 2\n", "order         = 2\ngamma = [1]\nobserver = [1, 2]\n") + "alpha1 = 5\n"
     assert judge(other, certificate).status == "verified"
 
 

@@ -20,6 +20,7 @@ from typing import Any
 
 import pytest
 
+from certify.network_certificate import COORDINATOR_KEYS
 from reports.command_line import main
 
 TWO_AGENTS = """
@@ -361,7 +362,7 @@ def test_run_writes_three_files_and_says_what_the_summary_says(certified: Certif
     assert summary == certified.answer.json
     assert {"status", "route", "gains", "claim"} <= set(summary)
     assert (summary["status"], summary["route"], summary["verified"]) == ("certified", "direct", True)
-    assert set(summary["gains"]) == {"alpha1", "alpha2", "agents"}
+    assert set(summary["gains"]) == {*COORDINATOR_KEYS, "agents"}
     for agent in summary["gains"]["agents"]:
         assert set(agent) == {"id", "g", "K", "delta", "h", "level", "rate"}
         assert all(isinstance(agent[key], str) for key in ("g", "K", "delta", "level", "rate"))

@@ -14,9 +14,11 @@ from flint import arb, arb_mat, ctx
 from scipy.integrate import solve_ivp
 
 from certify.bounds.balls import to_arb
-from certify.coordinator.design import CoordinatorDesign, design_coordinator, gradients_at
+from certify.coordinator.design import CoordinatorDesign, gradients_at
+from certify.coordinator.envelope import norm_gains
 from certify.coordinator.mixing import Mixing, mixing
 from certify.coordinator.nominal import CoordinatorModel, cost_gradient, nominal_trajectory
+from certify.coordinator.printed import PrintedDesign, design_printed
 from certify.coordinator.stability import Unstable, damping_ranges, inequality, mixing_rate, stabilise
 from certify.curvature import Curvature, cost_curvature
 from certify.inequalities.exact_psd import PositiveDefinite, prove_positive_definite
@@ -59,14 +61,14 @@ def example(box: str, tail: str = "") -> Plant:
     return network(5, ", ".join(f'"{j} -> {i}"' for j, i in FIVE), "(s - id + 1)^2/4", box, tail)
 
 
-def design(plant: Plant) -> CoordinatorDesign | Unstable:
+def design(plant: Plant) -> PrintedDesign | Unstable:
     found, curvatures = optimum(plant), []
     for agent in plant.agents:
         curvature = cost_curvature(agent.cost)
         assert isinstance(curvature, Curvature)
         curvatures.append(Interval(curvature.lower, curvature.upper))
     gradients = gradients_at([cost_gradient(agent.cost) for agent in plant.agents], found.enclosure)
-    return design_coordinator(plant, found.enclosure, gradients, curvatures)
+    return design_printed(plant, found.enclosure, gradients, curvatures)
 
 
 PLANTS = {
@@ -81,10 +83,10 @@ PLANTS = {
 
 
 @cache
-def proved(name: str) -> tuple[Plant, CoordinatorDesign]:
+def proved(name: str) -> tuple[Plant, PrintedDesign]:
     plant = PLANTS[name]()
     result = design(plant)
-    assert isinstance(result, CoordinatorDesign), result
+    assert isinstance(result, PrintedDesign), result
     return plant, result
 
 
@@ -133,7 +135,7 @@ def test_envelopes_lie_above_every_trajectory(name: str) -> None:
     simulation = Simulation(plant, (found.model.alpha1, found.model.alpha2))
     envelope, per_step = found.envelope, 4
     steps = min(found.mixing.steps, 384)
-    step, end = float(envelope.step), float(envelope.horizon)
+    step, end = float(found.mixing.step), float(envelope.horizon)
     inside = np.arange(1, per_step * steps) * step / per_step
     late = np.linspace(end, end + 6, 7)[1:]
     times = np.r_[0, inside[inside < end], late]
@@ -319,20 +321,20 @@ def test_an_unstable_pair_is_refused() -> None:
 @pytest.mark.parametrize(("alpha1", "alpha2"), [("5", "5"), ("7/3", "3/2")])
 def test_a_given_pair_is_kept(alpha1: str, alpha2: str) -> None:
     result = design(ring(3, tail=f'[coordinator]\nalpha1 = "{alpha1}"\nalpha2 = "{alpha2}"'))
-    assert isinstance(result, CoordinatorDesign)
+    assert isinstance(result, PrintedDesign)
     assert (result.model.alpha1, result.model.alpha2) == (Fraction(alpha1), Fraction(alpha2))
 
 
 def test_half_a_given_pair_is_kept_and_the_other_half_found() -> None:
     result = design(ring(2, tail="[coordinator]\nalpha2 = 4"))
-    assert isinstance(result, CoordinatorDesign)
+    assert isinstance(result, PrintedDesign)
     assert result.model.alpha2 == 4
 
 
 def test_stabilise_tells_how_often_it_tried() -> None:
     _, found = proved("two")
     impossible = replace(found.model, alpha2=Fraction(-1))
-    result = stabilise(impossible, found.comparison.damping)
+    result = stabilise(impossible, found.comparison.damping, found.comparison.mixing_rate)
     assert isinstance(result, Unstable) and result.tried >= 1
 
 
@@ -343,12 +345,14 @@ def test_the_weight_outweighs_what_it_must() -> None:
     damping = [d.hi for d in found.comparison.damping]
     A = np.array([[float(x) for x in row] for row in closed_loop(found.model, damping)])
     ten, eleven = Fraction(3), Fraction(5)
+    reach, rates = norm_gains(found.model, found.comparison)
+    design = CoordinatorDesign(found.gains, (), found.comparison.rate, reach, rates, {}, found.envelope)
     for x in np.random.default_rng(5).normal(size=(200, 9)):
         V = x @ P @ x
-        for i, agent in enumerate(found.envelope.agents):
-            assert abs(x[i]) <= float(agent.deviation_gain) * math.sqrt(V)
-            assert abs(A[i] @ x) <= float(agent.rate_gain) * math.sqrt(V)
-            mu = float(found.weight(i, ten, eleven))
+        for i in range(5):
+            assert abs(x[i]) <= float(reach[i]) * math.sqrt(V)
+            assert abs(A[i] @ x) <= float(rates[i]) * math.sqrt(V)
+            mu = float(design.weight(i, ten, eleven))
             assert mu * float(found.comparison.rate) * V >= 3 * x[i] ** 2 + 5 * (A[i] @ x) ** 2
 
 

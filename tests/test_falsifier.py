@@ -20,7 +20,7 @@ from sims.falsifier import falsify
 from sims.fate import judge, windows
 from sims.search_space import Box
 from sims.witness import Witness, read_witness, replay
-from symbolic.controller import AgentController, Controller
+from symbolic.controller import AgentController, Controller, CoordinatorGains
 from symbolic.errors import InputError
 from symbolic.plant import Interval, Plant
 from symbolic.plant_file import load_plant
@@ -77,7 +77,7 @@ def f1_controller(plant: Plant, g: int, K: int, h: int, delta: int) -> Controlle
     gains = {"g": Fraction(g), "K": Fraction(K), "delta": Fraction(delta), "h": Fraction(h)}
     polynomials: dict[str, Any] = {"gamma": (Fraction(1),), "observer": (Fraction(1), Fraction(2))}
     laws = [AgentController(agent.id, M=(), N=(), psi=(), **polynomials, **gains) for agent in plant.agents]
-    return Controller(Fraction(3), Fraction(2), tuple(laws))
+    return Controller(CoordinatorGains(Fraction(3), Fraction(2)), tuple(laws))
 
 
 @pytest.mark.parametrize("gains", [(5, 100, 500, 1000), (1000, 10**7, 10**8, 10**9)])
@@ -152,7 +152,7 @@ def test_gains_beyond_floats_are_inconclusive(five_agents: Plant, good: Controll
 
 
 def test_an_unstable_coordinator_is_inconclusive(five_agents: Plant, good: Controller) -> None:
-    unstable = dataclasses.replace(good, alpha1=Fraction(1), alpha2=Fraction(200))
+    unstable = dataclasses.replace(good, coordinator=CoordinatorGains(Fraction(1), Fraction(200)))
     result = falsify(five_agents, unstable, budget=1)
     assert result.status == "inconclusive" and result.reason.startswith("the coordinator escaped")
 

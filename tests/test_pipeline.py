@@ -11,8 +11,9 @@ import pytest
 
 from certify.certificate import SCHEMA, canonical, claim_digest
 from certify.checker import check as independent_check
+from certify.network_certificate import COORDINATOR_KEYS
 from certify.pipeline import GainsResult, design_gains
-from symbolic.plant import Plant
+from symbolic.plant import CoordinatorChoice, Plant
 from symbolic.plant_file import parse_plant
 
 PAIR = """
@@ -59,7 +60,7 @@ def example(five_agents: Plant) -> GainsResult:
 def test_certified(certified: GainsResult) -> None:
     assert certified.status == "certified" and certified.route == "recipe"
     assert certified.certificate is not None
-    assert certified.certificate["schema"] == SCHEMA and certified.certificate["theorem"] == "recipe/1"
+    assert certified.certificate["schema"] == SCHEMA and certified.certificate["theorem"] == "recipe/2"
     assert [agent.status for agent in certified.agents] == ["certified"] * 2
     assert certified.envelope is not None and certified.coordinator is not None
 
@@ -71,7 +72,7 @@ def test_the_summary_has_the_promised_shape(certified: GainsResult) -> None:
     assert set(summary) == {"status", "route", "gains", "claim"}
     assert (summary["status"], summary["route"]) == ("certified", "recipe")
     gains = summary["gains"]
-    assert set(gains) == {"alpha1", "alpha2", "agents"}
+    assert set(gains) == {*COORDINATOR_KEYS, "agents"}
     assert [agent["id"] for agent in gains["agents"]] == [1, 2]
     for agent in gains["agents"]:
         assert list(agent) == ["id", "g", "K", "delta", "h", "level", "rate"]
@@ -165,7 +166,10 @@ def replace_gains(lines: str) -> Plant:
 
 
 def test_an_unstable_coordinator_is_inconclusive(five_agents: Plant) -> None:
-    result = design_gains(replace(five_agents, alpha1=Fraction(1), alpha2=Fraction(80)), route="recipe")
+    result = design_gains(
+        replace(five_agents, coordinator=CoordinatorChoice(Fraction(1), Fraction(80), mixing_time=Fraction(0))),
+        route="recipe",
+    )
     assert_nothing_certified(result, "inconclusive")
     assert result.reason == "coordinator: no Lyapunov matrix was found for α1 = 1, α2 = 80"
 

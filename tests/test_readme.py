@@ -62,7 +62,7 @@ def test_bootstrap_says_what_it_can_run(arguments: list[str]) -> None:
     command = [sys.executable, ROOT / "bootstrap.py", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "bootstrap: say what to run: certify, test or setup\n"
+    assert done.stderr == "bootstrap: say what to run: certify, test, docs or setup\n"
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "requirements").glob("*.lock")), ids=lambda path: path.name)

@@ -233,7 +233,7 @@ def certificate(plant: Plant, h: Fraction | None = HUGE) -> dict[str, object]:
     }  # fmt: skip
     claim = {"plant_sha256": plant.sha256, "alpha1": "3", "alpha2": "2", "agents": agents}
     proof = {"optimum": ["3/2", "3/2"], "coordinator": coordinator, "agents": witness}
-    return {"theorem": "recipe/1", "claim": claim, "witness": proof}
+    return {"theorem": "recipe/2", "claim": claim, "witness": proof}
 
 
 def gains(status: str, reason: str = "", linear: object = None) -> SimpleNamespace:

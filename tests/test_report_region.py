@@ -298,7 +298,8 @@ def test_nothing_is_stated_of_a_certificate_that_is_not_verified(certified: Cert
 
 
 def test_bounds_are_not_compared_with_runs_of_other_gains(certified: Certified, runs: tuple[Trajectory, ...]) -> None:
-    other = replace(certified.controller, alpha1=Fraction(7))
+    constants = replace(certified.controller.coordinator, alpha1=Fraction(7))
+    other = replace(certified.controller, coordinator=constants)
     study = replace(certified.study, trajectory=runs[0], simulated=other)
     assert document_data(study)["region"]["runs"] == 0
     assert build_report(study).startswith(b"%PDF-")

@@ -25,7 +25,7 @@ TEMPLATES = Path(__file__).parent.parent / "reports" / "templates"
 
 
 def toy(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
-    """A route ``toy`` whose theorem asks for a saturation level of at most ``most`` besides all that recipe/1 asks."""
+    """A route ``toy`` whose theorem asks for a saturation level of at most ``most`` besides all that recipe/2 asks."""
 
     def prove(plant: CheckedPlant, certificate: Certificate) -> None:
         recipe.prove(plant, certificate)
@@ -57,7 +57,7 @@ def test_without_its_line_the_checker_knows_no_such_theorem(monkeypatch: pytest.
         certificate = design_gains(parse_plant(PAIR.encode(), "pair.toml"), route="toy").certificate
     assert certificate is not None
     verdict = check(PAIR.encode(), canonical(certificate) + b"\n")
-    assert verdict.status == "malformed" and "recipe/1" in verdict.detail
+    assert verdict.status == "malformed" and "recipe/2" in verdict.detail
 
 
 def test_every_route_has_a_rule_a_view_and_words_in_the_report() -> None:

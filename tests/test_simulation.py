@@ -11,7 +11,7 @@ import pytest
 from closed_loops import controller_for, corner, with_gains
 
 from sims import Trajectory, estimated_optimum, nominal, random_scenario, simulate
-from symbolic.controller import AgentController, Controller
+from symbolic.controller import AgentController, Controller, CoordinatorGains
 from symbolic.errors import InputError
 from symbolic.network import laplacian
 from symbolic.plant import Plant
@@ -21,7 +21,7 @@ R = np.array([2.0, 4.0, 3.0, 1.0, 1.0]) / 11  # left null vector of the example'
 
 
 def with_alpha(controller: Controller, alpha1: int, alpha2: int) -> Controller:
-    return dataclasses.replace(controller, alpha1=Fraction(alpha1), alpha2=Fraction(alpha2))
+    return dataclasses.replace(controller, coordinator=CoordinatorGains(Fraction(alpha1), Fraction(alpha2)))
 
 
 def without_internal_model(controller: Controller) -> Controller:
@@ -192,7 +192,7 @@ def proportional(plant: Plant, K: int | Fraction, delta: int) -> Controller:
     """``u = −sat_δ(K (y − y^r))`` for agents of order 1."""
     gains = {"g": Fraction(1), "K": Fraction(K), "delta": Fraction(delta), "h": None}
     laws = [AgentController(agent.id, gamma=(), observer=(), M=(), N=(), psi=(), **gains) for agent in plant.agents]
-    return Controller(Fraction(2), Fraction(2), tuple(laws))
+    return Controller(CoordinatorGains(Fraction(2), Fraction(2)), tuple(laws))
 
 
 def test_first_order_without_disturbance_or_observer() -> None:

@@ -123,7 +123,7 @@ def test_other_claims_of_the_direct_route_are_proved_again() -> None:
         (("claim", "agents", 0, "g"), "1/2"),
         (("claim", "alpha1"), "-1"),
         (("witness", "coordinator", "rate"), "1000"),
-        (("witness", "coordinator", "P"), [["-1"]]),
+        (("witness", "coordinator", "c"), "1/1000000"),
         (("witness", "agents", 0, "level"), "1/1000000"),
         (("witness", "agents", 0, "weight_theta"), "1000000"),
         (("claim", "plant_sha256"), "0" * 64),

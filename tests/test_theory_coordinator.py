@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 
@@ -10,9 +11,10 @@ import pytest
 import sympy
 from scipy.integrate import solve_ivp
 
-from certify.coordinator.design import design_coordinator, gradients_at
+from certify.coordinator.design import gradients_at
 from certify.coordinator.mixing import mixing
 from certify.coordinator.nominal import cost_gradient
+from certify.coordinator.printed import design_printed
 from certify.coordinator.stability import Unstable
 from symbolic.hurwitz import hurwitz_test
 from symbolic.network import laplacian, left_null_vector
@@ -131,6 +133,17 @@ def test_f13_no_certificate_for_an_unstable_pair(five_agents: Plant) -> None:
     gradients = gradients_at([cost_gradient(agent.cost) for agent in five_agents.agents], TWO)
     curvatures = [Interval(HALF, HALF)] * 5
     plant = replace(five_agents, coordinator=CoordinatorChoice(Fraction(1), Fraction(80)))
-    result = design_coordinator(plant, TWO, gradients, curvatures)
+    result = design_printed(plant, TWO, gradients, curvatures)
     assert isinstance(result, Unstable)
     assert result.reason == "no Lyapunov matrix was found for α1 = 1, α2 = 80"
+
+
+@pytest.mark.parametrize(("agents", "dip"), [(6, 0.60), (20, 0.0097), (50, 3.4e-7), (100, 6e-15)])
+def test_f23_the_mixing_layer_dips_far_below_its_limit_on_a_ring(agents: int, dip: float) -> None:
+    """``ξ_i^i(t) = Σ_m e^(−t) t^(mN)/(mN)!`` on the directed ring with weights 1, where ``r_i = 1/N``: all terms are
+    positive, so that nothing cancels."""
+    times = np.linspace(0.0, float(agents), 4001)[1:]
+    powers = np.arange(0, 8 * agents, agents)
+    logs = powers[:, None] * np.log(times) - times - np.array([math.lgamma(m + 1) for m in powers])[:, None]
+    least = float(np.min(np.sum(np.exp(logs), axis=0))) * agents
+    assert least == pytest.approx(dip, rel=0.05)

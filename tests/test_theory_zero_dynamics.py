@@ -14,7 +14,7 @@ from certify.assumptions.a0_origin import check_origin
 from certify.assumptions.check import check_assumptions
 from certify.pipeline import design_gains
 from sims import Trajectory, nominal, simulate
-from symbolic.controller import AgentController, Controller
+from symbolic.controller import AgentController, Controller, CoordinatorGains
 from symbolic.plant import Interval, Plant
 from symbolic.plant_file import parse_plant
 
@@ -112,7 +112,7 @@ def test_f1_the_whole_controller_escapes_too() -> None:
     plant = f1_plant(1)
     polynomials = ((Fraction(1),), (Fraction(1), Fraction(2)), (), (), ())
     laws = tuple(AgentController(i, *polynomials, *map(Fraction, (5, 100, 10**9, 500))) for i in (1, 2))
-    law = Controller(*map(Fraction, COORDINATOR), laws)
+    law = Controller(CoordinatorGains(*map(Fraction, COORDINATOR)), laws)
 
     def run(start: float) -> Trajectory:
         begin = nominal(plant, law).with_agent(1, z=[start, 0], x=[start, 0], observer=[start, 0])

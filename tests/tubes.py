@@ -104,8 +104,8 @@ def running(name: str, number: int) -> AgentLoop:
     ready, trial = prepared(name), passed(name, number)
     law = tube_controller(trial)
     laws = (law,) * len(ready.plant.agents)
-    coordinator = ready.coordinator.model
-    return agent_loop(ready.plant, Controller(coordinator.alpha1, coordinator.alpha2, laws), number)
+    coordinator = ready.coordinator.gains
+    return agent_loop(ready.plant, Controller(coordinator, laws), number)
 
 
 def largest_vartheta(name: str, number: int) -> float:

@@ -19,6 +19,7 @@ from certify.checker.verdict import Malformed, Rejected, Undecided, start_meter
 from certify.foreseen import irrational_exosystem, plant_as_read, proved_cost
 from certify.optimum import Optimum
 from symbolic.internal_model import InternalModel
+from symbolic.network import left_null_vector
 from symbolic.plant import Plant
 from symbolic.steady_state import SteadyState
 
@@ -30,7 +31,9 @@ class SecondOpinion:
         self.plant, self.optimum = plant, optimum
 
     def on_network(self, finding: Finding) -> Finding:
-        return self._on(finding, lambda: prove_network(plant_as_read(self.plant.source)))
+        return self._on(
+            finding, lambda: prove_network(plant_as_read(self.plant.source), left_null_vector(self.plant.digraph))
+        )
 
     def on_exosystem(self, finding: Finding) -> Finding:
         return self._on(finding, self._exosystem)

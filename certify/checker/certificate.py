@@ -19,15 +19,18 @@ from certify.checker.requested import Settling
 from certify.checker.verdict import Malformed
 
 SCHEMA = "consensus-certificate/1"
-MAX_BYTES = 16 << 20
+MAX_BYTES = 64 << 20
 MAX_DIGITS = 4_000
-MAX_ENTRIES = 512
+MAX_ENTRIES = 2_048
 MAX_TEXT = 10_000
 MAX_INTEGER = 1_000_000
 MAX_GRID = 5_000
 MAX_STATES = 64
 MAX_RATES = 16
 MAX_FIRST_STEPS = 500
+MAX_AGENTS = 1_000
+MAX_DEGREE = 32
+MAX_COEFFICIENT = 1 << 256
 
 Row = tuple[Fraction, ...]
 Texts = tuple[str, ...]
@@ -40,6 +43,7 @@ Boxes = Matrix
 FirstGrid = Row
 FirstBoxes = Matrix
 Ranges = tuple[Matrix, ...]
+Curve = tuple[tuple[tuple[int, ...], ...], ...]
 T = TypeVar("T")
 _NUMBER = re.compile(r"(0|-?[1-9][0-9]*)(?:/([1-9][0-9]*))?")
 
@@ -83,6 +87,10 @@ class Claim:
     plant_sha256: str
     alpha1: Fraction
     alpha2: Fraction
+    gradient_gain: Fraction
+    mixing_gain: Fraction
+    mixing_time: Fraction
+    softening: Fraction
     agents: tuple[AgentClaim, ...]
 
 
@@ -94,8 +102,8 @@ class DirectClaim(Claim):
 
 
 @dataclass(frozen=True)
-class CoordinatorWitness:
-    """The comparison norm, its rates, and the time grid."""
+class PrintedWitness:
+    """Of a coordinator that starts at once: the comparison norm, its rates, and the time grid."""
 
     P: Matrix
     multiplier: Row
@@ -103,6 +111,27 @@ class CoordinatorWitness:
     mixing_rate: Fraction
     step: Fraction
     steps: int
+
+
+@dataclass(frozen=True)
+class HeldWitness:
+    """Of a coordinator that waits for the mixing layer: the structured norm, rates, and the nominal curve.
+
+    ``P = [[Rm, B Rm], [B Rm, c Rm]]`` with ``B = diag(B)``; ``times`` begin at ``t_mix``; ``curve[k][i]`` are
+    the Chebyshev coefficients of the reference of agent ``i`` from ``times[k]`` to ``times[k + 1]``, in ``unit``s.
+    """
+
+    B: Row
+    c: Fraction
+    rate: Fraction
+    mixing_rate: Fraction
+    shift: Fraction
+    unit: Fraction
+    times: Grid
+    curve: Curve
+
+
+CoordinatorWitness = PrintedWitness | HeldWitness
 
 
 @dataclass(frozen=True)
@@ -135,6 +164,7 @@ class Witness:
     """What the checker needs to be told."""
 
     optimum: Row
+    left_null_vector: Row
     exosystem: Exosystem | None
     coordinator: CoordinatorWitness
     agents: tuple[AgentWitness, ...]
@@ -195,6 +225,7 @@ class DirectWitness:
     """What the checker needs to be told for the theorem direct/3."""
 
     optimum: Row
+    left_null_vector: Row
     exosystem: Exosystem | None
     coordinator: CoordinatorWitness
     agents: tuple[DirectAgentWitness, ...]
@@ -205,6 +236,8 @@ class NetworkWitness(Protocol):
 
     @property
     def optimum(self) -> Row: ...
+    @property
+    def left_null_vector(self) -> Row: ...
     @property
     def exosystem(self) -> Exosystem | None: ...
     @property
@@ -303,6 +336,19 @@ def _matrix(value: Any, most: int = MAX_ENTRIES) -> Matrix:
     return rows
 
 
+def coordinator_witness(value: Any) -> CoordinatorWitness:
+    """The one that waits has a curve. Raises ``Malformed``."""
+    held = isinstance(value, dict) and "curve" in value
+    return _table(HeldWitness, value) if held else _table(PrintedWitness, value)
+
+
+def _coefficients(value: Any) -> tuple[int, ...]:
+    found = tuple(_integer(entry, -MAX_COEFFICIENT, MAX_COEFFICIENT) for entry in _list(value, MAX_DEGREE + 1))
+    if not found:
+        raise Malformed("a polynomial has a coefficient")
+    return found
+
+
 def _canonical(value: Any) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
@@ -320,10 +366,11 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "Texts": lambda value: tuple(map(_text, _list(value))),
     "Matrix": _matrix,
     "Exosystem | None": lambda value: None if value is None else _table(Exosystem, value),
-    "CoordinatorWitness": lambda value: _table(CoordinatorWitness, value),
     "Settling | None": lambda value: None if value is None else _table(Settling, value),
     "ClaimedRequirements": lambda value: _table(ClaimedRequirements, value),
     "tuple[DirectAgentClaim, ...]": lambda value: tuple(_table(DirectAgentClaim, entry) for entry in _list(value)),
+    "CoordinatorWitness": lambda value: coordinator_witness(value),
+    "Curve": lambda value: tuple(tuple(map(_coefficients, _list(row))) for row in _list(value, MAX_GRID)),
     "tuple[AgentClaim, ...]": lambda value: tuple(_table(AgentClaim, entry) for entry in _list(value)),
     "tuple[DirectAgentWitness, ...]": lambda value: tuple(_table(DirectAgentWitness, entry) for entry in _list(value)),
     "NominalSlopes": lambda value: _table(NominalSlopes, value),

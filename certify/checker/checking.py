@@ -47,7 +47,7 @@ def _bind(plant: Plant, claim: Claim, witnessed: list[int], theorem: Theorem) ->
     ids = [agent.id for agent in plant.agents]
     if not ids == [agent.id for agent in claim.agents] == witnessed:
         raise Malformed("the claim and the witness list the agents 1, 2, … of the plant file in this order")
-    for key in ("alpha1", "alpha2"):
+    for key in ("alpha1", "alpha2", "gradient_gain", "mixing_gain", "mixing_time", "softening"):
         _bind_number(getattr(plant.coordinator, key), getattr(claim, key), key)
     for agent, mine in zip(plant.agents, claim.agents, strict=True):
         for key, value in asdict(plant.gains_of(agent.id)).items():

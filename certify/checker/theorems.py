@@ -32,13 +32,13 @@ def _recipe(plant: Plant, certificate: Certificate) -> None:
 
 
 def _direct(plant: Plant, certificate: Certificate) -> None:
-    from certify.checker.rules import direct  # lazily: recipe/1 is checked without python-flint
+    from certify.checker.rules import direct  # lazily: recipe/2 is checked without python-flint
 
     direct.prove(plant, certificate)
 
 
 THEOREMS: dict[str, Theorem] = {
-    "recipe/1": Theorem(Witness, _recipe),  # docs/certificate.md
+    "recipe/2": Theorem(Witness, _recipe),  # docs/certificate.md
     "direct/3": Theorem(DirectWitness, _direct, DirectClaim, frozenset({"requirements"})),  # docs/certificate-direct.md
 }
 

@@ -1,4 +1,5 @@
-"""Choose ``α1, α2`` (or take the user's) and enclose the coordinator they give (theory.md section 6.1, F13)."""
+"""Choose the coordinator's constants (or take the user's) and enclose the coordinator they give (theory.md section 6.1,
+F13, docs/coordinator.md)."""
 
 from __future__ import annotations
 
@@ -6,29 +7,34 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from certify.bounds.balls import NonFiniteError
 from certify.bounds.rationals import round_up
-from certify.coordinator.envelope import Comparison, Envelope, envelope
-from certify.coordinator.mixing import Mixing, mixing
-from certify.coordinator.nominal import CoordinatorModel, CostGradient, cost_gradient
+from certify.certificate import Json
+from certify.coordinator.envelope import Envelope, norm_gains
+from certify.coordinator.gains import CoordinatorGains, starts_at_once
+from certify.coordinator.held import design_held, propose_gains
+from certify.coordinator.nominal import CostGradient
+from certify.coordinator.pace import natural_pace
+from certify.coordinator.printed import CANDIDATES, design_printed
 from certify.coordinator.resolution import FINE, Resolution
-from certify.coordinator.stability import RATES, Unstable, damping_ranges, mixing_rate, stabilise
+from certify.coordinator.stability import Unstable
 from symbolic.network import laplacian, left_null_vector
 from symbolic.plant import Interval, Plant
-
-CANDIDATES = tuple((Fraction(a), Fraction(b)) for a, b in ((1, 1), (2, 1), (3, 2), (5, 5)))
-ABOUT = Fraction(11, 10)
-LARGEST_GRID = 4096
-COARSE_GRID = 256
 
 
 @dataclass(frozen=True)
 class CoordinatorDesign:
-    """The gains, what was proved about them, and the grid ``step × steps`` the proof was made on."""
+    """The constants, what was proved about them, and the witness of the proof.
 
-    model: CoordinatorModel
-    comparison: Comparison
-    mixing: Mixing
+    ``r`` is the left null vector and ``rate`` that of the comparison norm; ``|ỹ_i| ≤ reach_i ‖e‖`` and
+    ``|ẏ_i| ≤ rate_gains_i ‖e‖`` (estimates, of which only ``weight`` makes use).
+    """
+
+    gains: CoordinatorGains
+    r: tuple[Fraction, ...]
+    rate: Fraction
+    reach: tuple[Fraction, ...]
+    rate_gains: tuple[Fraction, ...]
+    witness: Json
     envelope: Envelope
 
     def weight(self, index: int, varsigma10: Fraction, varsigma11: Fraction) -> Fraction:
@@ -37,9 +43,8 @@ class CoordinatorDesign:
 
         ``μ λ0 V ≥ ς10 κ² V + 2 ς11 ν² V`` while ``V' ≤ −λ0 V + ‖p‖²/λ0``.
         """
-        agent = self.envelope.agents[index]
-        demand = varsigma10 * agent.deviation_gain**2 + 2 * varsigma11 * agent.rate_gain**2
-        return round_up(demand / self.comparison.rate)
+        demand = varsigma10 * self.reach[index] ** 2 + 2 * varsigma11 * self.rate_gains[index] ** 2
+        return round_up(demand / self.rate)
 
 
 def design_coordinator(
@@ -50,70 +55,36 @@ def design_coordinator(
     report: Callable[[str], None] = lambda message: None,
     resolution: Resolution = FINE,
 ) -> CoordinatorDesign | Unstable:
-    """The pair given in the plant file, or the first candidate whose references move about least, by ``Σ ∫ (ẏ^r)²``;
-    proved stable.
+    """A coordinator that waits for its mixing layer, or that of the paper where the plant file asks for it.
 
     ``curvatures[i]`` encloses ``c_i''`` on the whole line and ``optimal_gradients[i]`` encloses ``c_i'(s*)``.
     """
     L, r = laplacian(plant.digraph), left_null_vector(plant.digraph)
-    costs = tuple(cost_gradient(agent.cost) for agent in plant.agents)
-    references = [agent.initial.reference for agent in plant.agents]
-    horizon = resolution.lifetimes / mixing_rate(L, r)
-
-    def attempt(alpha: tuple[Fraction, Fraction], limit: int) -> CoordinatorDesign | Unstable:
-        model = CoordinatorModel(L, r, alpha[0], alpha[1], costs)
-        step, steps = _grid(model, curvatures, horizon, limit, resolution.step)
-        grid = mixing(L, r, step, steps)
-        if not all(low > 0 for low in grid.smallest):
-            return Unstable(f"ξ is not bounded away from zero on a grid of {steps} steps", 0)
-        comparison = stabilise(model, damping_ranges(grid, curvatures), RATES)
-        if isinstance(comparison, Unstable):
-            return comparison
-        try:
-            found = envelope(model, grid, comparison, optimum, optimal_gradients, references)
-        except NonFiniteError:
-            return Unstable(f"c'' could not be enclosed along a trajectory on steps of {step} s", 0)
-        return CoordinatorDesign(model, comparison, grid, found)
-
-    pairs = _pairs(plant)
-    if len(pairs) == 1:
-        return attempt(pairs[0], LARGEST_GRID)
-    rough: list[CoordinatorDesign] = []
-    for pair in pairs:
-        report(f"coordinator: α1 = {pair[0]}, α2 = {pair[1]}")
-        result = attempt(pair, COARSE_GRID)
-        if isinstance(result, CoordinatorDesign):
-            rough.append(result)
-    if not rough:
-        return Unstable(
-            "no pair α1, α2 was proved stable; tried " + ", ".join(f"({a}, {b})" for a, b in pairs), len(pairs)
-        )
-    energies = [sum((agent.rate_energy for agent in design.envelope.agents), Fraction(0)) for design in rough]
-    best = next(design for design, energy in zip(rough, energies, strict=True) if energy <= ABOUT * min(energies))
-    if best.mixing.step == _grid(best.model, curvatures, horizon, LARGEST_GRID, resolution.step)[0]:
-        return best
-    return attempt((best.model.alpha1, best.model.alpha2), LARGEST_GRID)
+    if starts_at_once(plant.coordinator):
+        printed = design_printed(plant, optimum, optimal_gradients, curvatures, report, resolution)
+        if isinstance(printed, Unstable):
+            return printed
+        reach, rates = norm_gains(printed.model, printed.comparison)
+        rate = printed.comparison.rate
+        return CoordinatorDesign(printed.gains, r, rate, reach, rates, printed.witness(), printed.envelope)
+    found = design_held(plant, r, L, optimum, optimal_gradients, curvatures, natural_pace(plant), report)
+    if isinstance(found, Unstable):
+        return found
+    return CoordinatorDesign(
+        found.gains, found.r, found.rate, found.reach, found.rate_gains, found.witness, found.envelope
+    )
 
 
-def _pairs(plant: Plant) -> tuple[tuple[Fraction, Fraction], ...]:
-    chosen = [(plant.coordinator.alpha1 or a, plant.coordinator.alpha2 or b) for a, b in CANDIDATES]
-    return tuple(dict.fromkeys(chosen))
-
-
-def _grid(
-    model: CoordinatorModel, curvatures: Sequence[Interval], horizon: Fraction, limit: int, largest: Fraction
-) -> tuple[Fraction, int]:
-    """A dyadic step that resolves the fastest rate of the coordinator, and with ``‖L step‖ ≤ 1``, unless ``limit``
-    steps do not suffice for the horizon."""
-    degree = max(row[i] for i, row in enumerate(model.laplacian))
-    damping = max(curvature.hi / r for curvature, r in zip(curvatures, model.left_null_vector, strict=True))
-    fastest = 2 * max(model.alpha1, Fraction(1)) * degree + damping
-    step = Fraction(1)
-    while step * max(fastest / largest, 2 * degree) > 1:
-        step /= 2
-    while horizon / step > limit:
-        step *= 2
-    return step, int(horizon / step) + 1
+def proposed_gains(plant: Plant) -> CoordinatorGains:
+    """Constants for a simulation without a certificate: those of the plant file, usual ones where it is silent."""
+    choice = plant.coordinator
+    if not starts_at_once(choice):
+        L, r = laplacian(plant.digraph), left_null_vector(plant.digraph)
+        found = propose_gains(plant, r, L, natural_pace(plant))
+        if isinstance(found, CoordinatorGains):
+            return found
+    alphas = (choice.alpha1 or CANDIDATES[-1][0], choice.alpha2 or CANDIDATES[-1][1])
+    return CoordinatorGains(*alphas, choice.gradient_gain or Fraction(1), choice.mixing_gain or Fraction(1))
 
 
 def gradients_at(costs: Sequence[CostGradient], optimum: Interval) -> tuple[Interval, ...]:

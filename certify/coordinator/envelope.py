@@ -51,22 +51,20 @@ class AgentEnvelope:
     rate_peak: Fraction
     energy: Fraction
     rate_energy: Fraction
-    deviation_gain: Fraction
-    rate_gain: Fraction
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """The coordinator's envelope: one ``AgentEnvelope`` per agent on the grid ``t_k = k·step``, then an exponential
+    """The coordinator's envelope: one ``AgentEnvelope`` per agent on the grid ``times``, from 0 on, then an exponential
     tail."""
 
-    step: Fraction
+    times: tuple[Fraction, ...]
     tail_decay: Fraction
     agents: tuple[AgentEnvelope, ...]
 
     @property
     def horizon(self) -> Fraction:
-        return self.step * len(self.agents[0].deviation)
+        return self.times[-1]
 
 
 def envelope(
@@ -100,7 +98,7 @@ def envelope(
             _agent(i, model, mixing, comparison, norm, segments, deviations, target, forcing[i], tail.upper(), decay)
             for i in range(model.size)
         )
-    return Envelope(mixing.step, decay, agents)
+    return Envelope(tuple(mixing.step * k for k in range(mixing.steps + 1)), decay, agents)
 
 
 class _Norm:
@@ -122,6 +120,15 @@ class _Norm:
         """``√(a P⁻¹ aᵀ)``: ``|a e| ≤ dual(a) ‖e‖_P``."""
         a = arb_mat([list(row)])
         return (a * self.inverse * a.transpose())[0, 0].upper().sqrt().upper()
+
+
+def norm_gains(model: CoordinatorModel, comparison: Comparison) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+    """``κ_i`` and ``ν_i`` of every agent: ``|ỹ_i| ≤ κ_i ‖e‖_P``, ``|ẏ_i| ≤ ν_i ‖e‖_P``."""
+    with ctx.workprec(PRECISION):
+        norm, agents = _Norm(comparison.P, model.size), range(model.size)
+        kappas = [norm.inverse[i, i].upper().sqrt().upper() for i in agents]
+        nus = [max(norm.dual(_closed_loop_row(i, model, end)) for end in _ends(comparison.damping[i])) for i in agents]
+    return tuple(map(_short, kappas)), tuple(map(_short, nus))
 
 
 def _deviations(
@@ -192,8 +199,6 @@ def _agent(
         rate_peak=_short(max([*rates, tail_rate])),
         energy=_short(energy),
         rate_energy=_short(rate_energy),
-        deviation_gain=_short(kappa),
-        rate_gain=_short(nu),
     )
 
 

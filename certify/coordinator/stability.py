@@ -53,16 +53,17 @@ def damping_ranges(mixing: Mixing, curvatures: Sequence[Interval]) -> tuple[Inte
 
 
 def stabilise(
-    model: CoordinatorModel, damping: tuple[Interval, ...], rates: Sequence[Fraction] = RATES
+    model: CoordinatorModel, damping: tuple[Interval, ...], mixing_rate: Fraction, rates: Sequence[Fraction] = RATES
 ) -> Comparison | Unstable:
-    """The largest rate on the grid ``rates`` (descending) for which a Lyapunov matrix is found and proved."""
+    """The largest rate on the grid ``rates`` (descending) for which a Lyapunov matrix is found and proved;
+    ``mixing_rate`` is passed on."""
     first, last = 0, len(rates)
     best: Comparison | None = None
     tried = 0
     while first < last:
         middle = (first + last) // 2
         tried += 1
-        attempt = _at_rate(model, damping, rates[middle])
+        attempt = _at_rate(model, damping, mixing_rate, rates[middle])
         if attempt is None:
             first = middle + 1
         else:
@@ -130,7 +131,9 @@ def _nominal(model: CoordinatorModel, damping: Sequence[Interval]) -> tuple[list
     return centre, radius, tuple(top + bottom)
 
 
-def _at_rate(model: CoordinatorModel, damping: tuple[Interval, ...], rate: Fraction) -> Comparison | None:
+def _at_rate(
+    model: CoordinatorModel, damping: tuple[Interval, ...], mixing_rate: Fraction, rate: Fraction
+) -> Comparison | None:
     for margin in MARGINS:
         solution = _solve(model, damping, float(rate), margin)
         if solution is None:
@@ -141,7 +144,7 @@ def _at_rate(model: CoordinatorModel, damping: tuple[Interval, ...], rate: Fract
             if _proved(model, damping, P, multiplier, rate):
                 exact = all(cost.curvature is not None for cost in model.costs)
                 claimed = rate if exact else NEARLY * rate
-                return Comparison(P, multiplier, claimed, mixing_rate(model.laplacian, model.left_null_vector), damping)
+                return Comparison(P, multiplier, claimed, mixing_rate, damping)
     return None
 
 

@@ -8,11 +8,13 @@ from fractions import Fraction
 from typing import Any
 
 from certify.certificate import claim_digest
+from certify.checker.certificate import CoordinatorWitness, coordinator_witness
+from certify.network_certificate import COORDINATOR_KEYS
 from certify.routes import route_of_theorem
 from certify.statement.exact_numbers import Matrix, Row, exact, exact_matrix, exact_row
 from certify.statement.numbers import floor_log10
 from certify.statement.tube import Tube, tube
-from symbolic.controller import Controller
+from symbolic.controller import Controller, CoordinatorGains
 from symbolic.plant import Interval
 
 SIMULABLE_UP_TO = 9
@@ -44,20 +46,21 @@ class AgentClaim:
 
 @dataclass(frozen=True)
 class CertifiedGains:
-    """The claim's gains, in the order of the agents, and the coordinator's matrix ``P``.
+    """The claim's gains, in the order of the agents, and what its coordinator's norm was proved with.
 
+    ``norm`` holds the rates, the ``end`` of the grid and its ``steps``; ``P`` is empty where the norm is structured.
     ``route`` is the name of the route whose theorem the certificate names.
     """
 
     route: str
-    alpha1: Fraction
-    alpha2: Fraction
+    coordinator: CoordinatorGains
     agents: tuple[AgentClaim, ...]
+    norm: Mapping[str, Fraction]
     P: Matrix
-    coordinator: Mapping[str, Fraction]
     sha256: str
     optimum: Interval
-    multiplier: tuple[Fraction, ...]
+    left_null_vector: Row
+    coordinator_witness: CoordinatorWitness
 
     @property
     def largest_exponent(self) -> int:
@@ -80,7 +83,7 @@ class CertifiedGains:
         """Whether a controller has exactly these gains."""
         mine = [(agent.g, agent.K, agent.delta, agent.h) for agent in self.agents]
         theirs = [(law.g, law.K, law.delta, law.h) for law in controller.agents]
-        return (self.alpha1, self.alpha2, mine) == (controller.alpha1, controller.alpha2, theirs)
+        return (self.coordinator, mine) == (controller.coordinator, theirs)
 
 
 def certified_gains(certificate: Mapping[str, Any] | None) -> CertifiedGains | None:
@@ -103,15 +106,26 @@ def _read(certificate: Mapping[str, Any]) -> CertifiedGains:
     coordinator = witness["coordinator"]
     return CertifiedGains(
         route=route.name,
-        alpha1=exact(claim["alpha1"]),
-        alpha2=exact(claim["alpha2"]),
+        coordinator=CoordinatorGains(**{key: exact(claim[key]) for key in COORDINATOR_KEYS}),
         agents=tuple(view(_gains(entry), entry, witnesses[entry["id"]]) for entry in claim["agents"]),
-        P=exact_matrix(coordinator["P"]),
-        coordinator={key: exact(coordinator[key]) for key in ("rate", "mixing_rate", "step", "steps")},
+        norm=_norm(coordinator),
+        P=exact_matrix(coordinator["P"]) if "P" in coordinator else (),
         sha256=claim_digest(dict(certificate)),
         optimum=Interval(*exact_row(witness["optimum"])),
-        multiplier=exact_row(coordinator["multiplier"]),
+        left_null_vector=exact_row(witness["left_null_vector"]),
+        coordinator_witness=coordinator_witness(coordinator),
     )
+
+
+def _norm(coordinator: Mapping[str, Any]) -> dict[str, Fraction]:
+    rates = {key: exact(coordinator[key]) for key in ("rate", "mixing_rate")}
+    if "times" in coordinator:
+        return {**rates, "end": exact(coordinator["times"][-1]), "steps": Fraction(len(coordinator["curve"]))}
+    return {
+        **rates,
+        "end": exact(coordinator["step"]) * exact(coordinator["steps"]),
+        "steps": exact(coordinator["steps"]),
+    }
 
 
 def _gains(claim: Mapping[str, Any]) -> AgentClaim:

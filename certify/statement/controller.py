@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from certify.network_certificate import COORDINATOR_KEYS
 from certify.statement.exact_numbers import exact, exact_matrix, exact_row
-from symbolic.controller import AgentController, Controller
+from symbolic.controller import AgentController, Controller, CoordinatorGains
 from symbolic.errors import InputError
 from symbolic.plant import Plant
 
@@ -18,7 +19,8 @@ def certified_controller(certificate: Mapping[str, Any], plant: Plant, source: s
         if claim["plant_sha256"] != plant.sha256:
             raise InputError(f"{source}: claim.plant_sha256: the certificate is about another plant file")
         laws = tuple(_law(entry) for entry in claim["agents"])
-        controller = Controller(exact(claim["alpha1"]), exact(claim["alpha2"]), laws)
+        constants = CoordinatorGains(**{key: exact(claim[key]) for key in COORDINATOR_KEYS})
+        controller = Controller(constants, laws)
     except InputError:
         raise
     except (ArithmeticError, KeyError, TypeError, ValueError) as error:

@@ -57,11 +57,11 @@ def error_envelope(tube: Tube, zeros: int, reference: AgentEnvelope, envelope: E
     """
     steps = len(reference.deviation)
     end = max(tube.grid[-1], envelope.horizon)
-    border = {*tube.times, *(k * envelope.step for k in range(steps + 1))}
+    border = {*tube.times, *envelope.times}
     times = sorted(t for t in border if t <= end)
     values = []
     for start in times[:-1]:
-        k = int(start / envelope.step)
+        k = bisect_right(envelope.times, start) - 1
         away = reference.deviation[k] if k < steps else reference.tail_deviation
         values.append(away + tube.states[bisect_right(tube.times, start) - 1][zeros])
     # both tails are over at the last time, and both decay at least at the slower rate

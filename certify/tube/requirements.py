@@ -217,7 +217,7 @@ def reference_settled(performances: Performances, band: float) -> float:
     if tail > band:
         return outside.horizon + log(tail / band) / outside.decay
     late = [k for k, deviation in enumerate(outside.deviation) if deviation > band]
-    return outside.step * (late[-1] + 1) if late else 0.0
+    return float(outside.times[late[-1] + 1]) if late else 0.0
 
 
 def explained(missed: Missed, asked: Requirements) -> str:

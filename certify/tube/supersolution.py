@@ -28,7 +28,12 @@ SMALLEST_STEP_RATIO = 1e-2
 GROWTH = 1.3
 MOST_STEPS = 1000
 LARGEST = 1e6
-TAIL_SHARES = (0.9, 0.5, 0.2)
+LATER: tuple[float, ...] = (
+    1.0,
+    2.0,
+    4.0,
+)  # time constants of the slowest mode: the tube goes on while a tail from rest would hold
+TAIL_SHARES = (0.9, 0.5, 0.2, 0.05, 0.01)  # of the slower of loop and references: less is easier, and settles later
 
 Instants = tuple[np.ndarray, np.ndarray]
 
@@ -132,20 +137,28 @@ def tube(
     highest: float,
     share: float = 0.0,
 ) -> Tube | TubeFailure:
-    """Boxes from ``begin`` to the end of the coordinator's grid, and the tail; or the time at which no box was
-    found. ``state`` bounds ``Y``, ``known`` are ranges of ``z`` at ``begin``; it is given up when ``|ϑ̃|`` passes
-    ``highest``. A step may be as long as ``share`` of the time so far, if that is more than the usual limit."""
+    """Boxes from ``begin`` to the end of the coordinator's grid or as far as the tail needs, and the tail; or the time
+    at which no box was found. ``state`` bounds ``Y``, ``known`` are ranges of ``z`` at ``begin``; it is given up when
+    ``|ϑ̃|`` passes ``highest``. A step may be as long as ``share`` of the time so far, if that is more than the usual
+    limit."""
     p = comparison.start(state)
     time, length = begin, FIRST_STEP / float(comparison.kernels.rates.max())
     shortest = length * SMALLEST_STEP_RATIO
     grid = [time]
     boxes: list[np.ndarray] = []
     ranges: list[Ranges] = []
-    guess = np.zeros(len(p))
-    while time < surroundings.horizon:
+    guess, horizon, later = np.zeros(len(p)), surroundings.horizon, list(LATER)
+    while True:
+        if time >= horizon:
+            tail = _tail(comparison, surroundings, p)
+            if not isinstance(tail, str):
+                return Tube(tuple(grid), tuple(boxes), tuple(ranges), *tail)
+            if not later or isinstance(_tail(comparison, surroundings, np.zeros_like(p)), str):
+                return TubeFailure(time, tail, settled=True)
+            horizon = time + later.pop(0) / float(comparison.kernels.rates[0])
         if len(boxes) >= MOST_STEPS:
             return TubeFailure(time, f"the increments leave room for steps of {length:.1e} s only")
-        length = min(length, max(LARGEST_STEP, share * time), max(surroundings.horizon - time, shortest) * 1.001)
+        length = min(length, max(LARGEST_STEP, share * time), max(horizon - time, shortest) * 1.001)
         length = _short(length)
         found = _box(comparison, p, guess, surroundings.during(time, time + length), known, length)
         if found is None:
@@ -164,10 +177,6 @@ def tube(
             return TubeFailure(time, "the saturation level is passed by far")
         bent = np.any(box > BENT * INFLATION * np.maximum(before.sum(axis=1), p.sum(axis=1)) + 1e-6)
         length *= SHRINK if bent else GROWTH if rounds < 6 else 1.0
-    tail = _tail(comparison, surroundings, p)
-    if isinstance(tail, str):
-        return TubeFailure(time, tail, settled=True)
-    return Tube(tuple(grid), tuple(boxes), tuple(ranges), *tail)
 
 
 def _short(length: float) -> float:

@@ -26,6 +26,7 @@ TAIL_PARTS = {0: 1, 1: 64, 2: 12}
 MANY_TAIL_PARTS = 3
 MOST_CUT = 6
 SAFETY = 1e-9  # of the size of v: what the floats of its flow may be away
+AT_ONCE = 1e-12  # relative: two times that floats cannot tell apart
 TRAJECTORY_SLACK = Fraction(1, 1000)  # the checker encloses the ranges in its own way
 
 
@@ -46,7 +47,7 @@ class Surroundings:
     def __init__(self, model: AgentModel, envelope: Envelope, index: int) -> None:
         self.model = model
         self.agent: AgentEnvelope = envelope.agents[index]
-        self.step = float(envelope.step)
+        self.times = np.array([float(time) for time in envelope.times])
         self.horizon = float(envelope.horizon)
         self.decay = float(envelope.tail_decay)
         self.optimum = floats(model.optimum)
@@ -86,7 +87,7 @@ class Surroundings:
     def at_start(self) -> Moment:
         """The moment ``t = 0`` itself."""
         v = tuple(floats(side) for side in self.model.exosystem.initial)
-        moment = self.during(0.0, self.step)
+        moment = self.during(0.0, float(self.times[1]))
         return Moment(v, floats(self.model.agent.initial.reference), self.steady(v), moment.deviation, moment.rate)
 
     def _exosystem(self, start: float, end: float) -> tuple[Range, ...]:
@@ -104,8 +105,8 @@ class Surroundings:
         return middle - spread, middle + spread
 
     def _reference(self, start: float, end: float) -> tuple[Range, float, float]:
-        first = int(start / self.step * (1 - 1e-12))
-        last = int(np.ceil(end / self.step * (1 + 1e-12)))
+        first = max(int(np.searchsorted(self.times, start * (1 - AT_ONCE), side="right")) - 1, 0)
+        last = int(np.searchsorted(self.times, end * (1 + AT_ONCE), side="left"))
         inside = slice(min(first, len(self.rate)), min(last, len(self.rate)))
         reference, deviation, rate = (inf, -inf), 0.0, 0.0
         for side, distance, speed in zip(

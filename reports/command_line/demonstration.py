@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from certify.coordinator.design import proposed_gains
 from certify.gains.requested import requested_controller
 from symbolic.controller import Controller
 from symbolic.derivation import Derivation
@@ -11,7 +12,6 @@ from symbolic.errors import InputError
 from symbolic.plant import Plant, RequestedGains
 
 # moderate gains that settle the example (theory.md section 7, scale of the recipe), where the plant file fixes none
-ALPHA = Fraction(5)
 MODERATE = RequestedGains(g=Fraction(5), K=Fraction(100), delta=Fraction(1000), h=Fraction(500))
 
 
@@ -27,4 +27,4 @@ def demonstration_controller(plant: Plant, derivation: Derivation) -> Controller
         if law is None:
             raise InputError(f"agent {derived.agent.id}: its internal model is not rational, so it cannot be simulated")
         laws.append(law)
-    return Controller(plant.coordinator.alpha1 or ALPHA, plant.coordinator.alpha2 or ALPHA, tuple(laws))
+    return Controller(proposed_gains(plant), tuple(laws))

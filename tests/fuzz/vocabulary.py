@@ -114,6 +114,7 @@ TOKENS = (
     "consensus-plant/1",
     "consensus-certificate/1",
     "recipe/1",
+    "recipe/2",
     "direct/3",
     "\ufeff",
     "\u202e",

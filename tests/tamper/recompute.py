@@ -31,10 +31,12 @@ from certify.bounds.balls import PRECISION, to_arb, upper
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
 from certify.bounds.rationals import sqrt_up
 from certify.checker import check
+from certify.checker.certificate import coordinator_witness
 from certify.coordinator.design import gradients_at
 from certify.coordinator.envelope import Comparison, Envelope, envelope
 from certify.coordinator.mixing import mixing
 from certify.coordinator.nominal import CoordinatorModel, cost_gradient
+from certify.coordinator.proved import proved_envelope
 from certify.coordinator.stability import damping_ranges, inequality
 from certify.curvature import Curvature, cost_curvature
 from certify.inequalities.exact_psd import (
@@ -44,7 +46,7 @@ from certify.inequalities.exact_psd import (
     prove_positive_semidefinite,
 )
 from certify.inequalities.matrices import inverse
-from certify.network_certificate import network_certificate
+from certify.network_certificate import COORDINATOR_KEYS, network_certificate
 from certify.optimum import Optimum, optimum
 from certify.preparation import Stopped, prepare
 from certify.recipe.constants import Constants, constants, initial_energy, sublevel, zero_layer
@@ -53,6 +55,7 @@ from certify.recipe.matrices import chain_matrix, observer_matrix
 from certify.recipe.thresholds import StateFeedback, _Observer, state_feedback
 from certify.routes import DIRECT
 from certify.tube.route import tube_agent
+from symbolic.controller import CoordinatorGains
 from symbolic.derivation import derive
 from symbolic.network import laplacian, left_null_vector
 from symbolic.plant import (
@@ -154,13 +157,14 @@ def _decay(known: Known, index: int, V0: Rows) -> Fraction:
 
 
 def prove_recipe(plant_file: bytes, certificate: Json) -> None:
-    """``recipe/1``. Raises ``NotConfirmed``."""
+    """``recipe/2``. Raises ``NotConfirmed``."""
     claim, witness, known = certificate["claim"], certificate["witness"], known_of(plant_file)
     plant = known.plant
     need(claim["plant_sha256"] == plant.sha256, "another plant")
     need([entry["id"] for entry in claim["agents"]] == [str(agent.id) for agent in plant.agents], "other agents")
     _respects(plant, claim)
-    references = _coordinator(plant_file, claim["alpha1"], claim["alpha2"], json.dumps(witness["coordinator"]))
+    constants = tuple(claim[key] for key in COORDINATOR_KEYS)
+    references = _coordinator(plant_file, constants, json.dumps(witness["coordinator"]))
     for index, agent in enumerate(plant.agents):
         steady, entry, mine = known.steady[index], claim["agents"][index], witness["agents"][index]
         u_star = steady.u_star.subs(COST_VARIABLE, known.s_star)
@@ -187,7 +191,7 @@ def prove_recipe(plant_file: bytes, certificate: Json) -> None:
 
 def _respects(plant: Plant, claim: Json) -> None:
     """What the plant file fixes is what the claim says."""
-    fixed = {key: getattr(plant.coordinator, key) for key in ("alpha1", "alpha2")}
+    fixed = {key: getattr(plant.coordinator, key) for key in COORDINATOR_KEYS}
     for key, value in fixed.items():
         need(value is None or value == Fraction(claim[key]), f"{key} is fixed")
     for agent, entry in zip(plant.agents, claim["agents"], strict=True):
@@ -242,14 +246,22 @@ def _internal_model(
 
 
 @lru_cache(maxsize=16)
-def _coordinator(plant_file: bytes, alpha1: str, alpha2: str, witness_text: str) -> Envelope:
+def _coordinator(plant_file: bytes, constants: tuple[str, ...], witness_text: str) -> Envelope:
     known, witness = known_of(plant_file), json.loads(witness_text)
     plant, found = known.plant, known.optimum
     L, r = laplacian(plant.digraph), left_null_vector(plant.digraph)
+    gains = CoordinatorGains(*map(Fraction, constants))
+    need(min(gains.alpha1, gains.alpha2, gains.gradient_gain, gains.mixing_gain) > 0, "α1, α2, κ, β > 0")
+    if "curve" in witness:
+        need(gains.mixing_time > 0, "a curve begins at t_mix")
+        proved = proved_envelope(plant, gains, coordinator_witness(witness), r, found.enclosure)
+        if isinstance(proved, str):
+            raise NotConfirmed(proved)
+        return proved
+    need((gains.mixing_time, gains.softening) == (0, 0), "references that start at once")
+    need((gains.gradient_gain, gains.mixing_gain) == (1, 1), "the second proof knows the paper's coordinator only")
     costs = tuple(cost_gradient(agent.cost) for agent in plant.agents)
-    alphas = Fraction(alpha1), Fraction(alpha2)
-    need(min(alphas) > 0, "α1, α2 > 0")
-    model = CoordinatorModel(L, r, *alphas, costs)
+    model = CoordinatorModel(L, r, gains.alpha1, gains.alpha2, costs)
     step, steps = Fraction(witness["step"]), int(witness["steps"])
     need(step > 0 and steps > 0, "the grid")
     grid = mixing(L, r, step, steps)
@@ -407,7 +419,7 @@ def prove_direct(plant_file: bytes, certificate: Json) -> None:
     need([entry["id"] for entry in claim["agents"]] == [str(agent.id) for agent in plant.agents], "other agents")
     _respects(plant, claim)
     agents = tuple(_designed(agent, entry) for agent, entry in zip(plant.agents, claim["agents"], strict=True))
-    choice = CoordinatorChoice(*(Fraction(claim[key]) for key in ("alpha1", "alpha2")))
+    choice = CoordinatorChoice(**{key: Fraction(claim[key]) for key in COORDINATOR_KEYS})
     designed = replace(plant, agents=agents, gains=(), coordinator=choice)
     prepared = prepare(designed, check_assumptions(plant), lambda message: None, DIRECT.proved_on_the_way)
     if isinstance(prepared, Stopped):

@@ -127,7 +127,7 @@ def text_changes(value: str) -> list[tuple[str, Any]]:
         ("nul", value + "\0"),
         ("other version", value[:-1] + "2" if value else "2"),
         ("direct theorem", "direct/3"),
-        ("recipe theorem", "recipe/1"),
+        ("recipe theorem", "recipe/2"),
         ("version 0", "recipe/0"),
         ("homoglyph", value.replace("e", "е")),
         ("long", value + "x" * 20_000),

@@ -17,8 +17,8 @@ from certify.checker.intervals import Interval, between, enclose, norm, quadrati
 from certify.checker.linear import Matrix
 from certify.checker.plant import Agent
 from certify.checker.rules.assumptions import AgentFacts, Facts
-from certify.checker.rules.coordinator import AgentEnvelope
 from certify.checker.rules.loop import observer_matrix
+from certify.checker.rules.reference import AgentEnvelope
 from certify.checker.subdivision import CUTS, supremum
 from certify.checker.verdict import Malformed, Rejected, Undecided, obligation, require, show
 

@@ -17,7 +17,7 @@ from certify.checker.plant import Agent, Plant
 from certify.checker.polynomials import ZERO, Algebra, Rational, constant, variable
 from certify.checker.rules.costs import Cost, prove_cost, prove_optimum
 from certify.checker.subdivision import CUTS, supremum, value_range
-from certify.checker.verdict import Malformed, obligation, require
+from certify.checker.verdict import Malformed, obligation, require, spend
 
 ZERO_INPUT = Interval(0, 0)
 
@@ -53,7 +53,7 @@ class Facts:
 
 def prove(plant: Plant, certificate: Certificate) -> Facts:
     """A0 to A5. Raises ``Rejected``."""
-    r = prove_network(plant)
+    r = prove_network(plant, certificate.witness.left_null_vector)
     costs = tuple(prove_cost(agent) for agent in plant.agents)
     if len(certificate.witness.optimum) != 2:
         raise Malformed("the optimum is an interval")
@@ -69,14 +69,19 @@ def prove(plant: Plant, certificate: Certificate) -> Facts:
     return Facts(r, costs, between(lo, hi), slopes, v, v_at_start, agents)
 
 
-def prove_network(plant: Plant) -> tuple[Fraction, ...]:
-    """A2: all agents reach and are reached by the first; ``r`` from ``rᵀL = 0``, ``Σ r = 1``."""
+def prove_network(plant: Plant, r: Sequence[Fraction]) -> tuple[Fraction, ...]:
+    """A2: all agents reach and are reached by the first, so that ``rᵀL = 0``, ``Σ r = 1`` has one solution: ``r``."""
     L = plant.laplacian
+    if len(r) != len(L):
+        raise Malformed("the left null vector has the wrong length")
     require(_all_reached(L) and _all_reached(linear.transpose(L)), "A2: strongly connected")
-    system = [*linear.transpose(L)[:-1], [Fraction(1)] * len(L)]
-    with obligation("A2: left null vector"):
-        r = [row[0] for row in linear.solve(system, [[Fraction(0)]] * (len(L) - 1) + [[Fraction(1)]])]
-    require(min(r) > 0 and not any(linear.apply(linear.transpose(L), r)), "A2: rᵀL = 0, r > 0", r=r)
+    sums = [Fraction(0)] * len(r)
+    for weight, row in zip(r, L, strict=True):
+        for j, entry in enumerate(row):
+            if entry:
+                spend(1 + (weight.denominator.bit_length() // 64) ** 2)
+                sums[j] += weight * entry
+    require(min(r) > 0 and not any(sums) and sum(r) == 1, "A2: rᵀL = 0, Σ r = 1, r > 0", r=r)
     return tuple(r)
 
 

@@ -27,6 +27,7 @@ class Cost:
     """``least ≤ c'' ≤ largest`` on the whole line; ``affine = (c'(0), c'')`` if ``c`` is a quadratic over Q."""
 
     form: Simplified | Written
+    expression: Node
     least: Fraction
     largest: Fraction
     affine: tuple[Fraction, Fraction] | None = None
@@ -41,6 +42,10 @@ class Cost:
     def curvature(self, s: Interval) -> Interval:
         return _curvature(self.form, s)
 
+    def slopes(self, s: Interval, order: int) -> tuple[Interval, ...]:
+        """``c', c'', …``, ``order + 1`` of them, on an interval."""
+        return jet(self.expression, s, order + 1)[1:]
+
 
 class Simplified:
     """``c`` and its derivatives, each as one rational function of ``s`` and atoms per term of ``c``: much cancels."""
@@ -51,8 +56,7 @@ class Simplified:
         self.algebra = Algebra()
         self.orders = [[self.algebra.read(term, {"s": variable("s")}) for term in terms_of(cost)]]
         for _ in range(3):
-            derivatives = [self.algebra.derivative(term, "s") for term in self.orders[-1]]
-            self.orders.append([self.algebra.without_squares(term) for term in derivatives])
+            self.orders.append([self.algebra.derivative(term, "s") for term in self.orders[-1]])
 
     def at(
         self,
@@ -114,16 +118,16 @@ def prove_cost(agent: Agent) -> Cost:
         affine = simplified.quadratic()
         if affine:
             require(affine[1] > 0, name, curvature=affine[1])
-            return Cost(simplified, affine[1], affine[1], affine)
+            return Cost(simplified, agent.cost, affine[1], affine[1], affine)
         try:
             found = _range_on_line(simplified)
             if found > 0:
-                return Cost(simplified, found.lo, found.hi)
+                return Cost(simplified, agent.cost, found.lo, found.hi)
         except Undecided:
             pass
         found = _range_on_line(written)
     require(found > 0, name, curvature=found)
-    return Cost(written, found.lo, found.hi)
+    return Cost(written, agent.cost, found.lo, found.hi)
 
 
 def prove_optimum(costs: Sequence[Cost], lo: Fraction, hi: Fraction) -> tuple[Interval, ...]:
@@ -144,7 +148,7 @@ def _prove_smooth(cost: Node) -> None:
     for start in HALF_LINES:
         try:
             for sign in (1, -1):
-                s = Tail.variable(start, sign)
+                s = _half_line(start, sign)
                 evaluate(cost, {"s": s}, s.scalar, tails.call)
         except Undecided as reason:
             failure = reason
@@ -153,6 +157,11 @@ def _prove_smooth(cost: Node) -> None:
             supremum(lambda box: 0 * evaluate(cost, box, enclose, functions.call), middle, ["s"], CUTS)
             return
     raise failure
+
+
+def _half_line(start: int, sign: int) -> Tail:
+    """``s`` itself on ``sign·s ≥ start``."""
+    return Tail(start, Interval(sign, sign), (Fraction(0), Fraction(1)), (Fraction(sign), Fraction(0)))
 
 
 def _range_on_line(form: Simplified | Written) -> Interval:
@@ -177,7 +186,7 @@ def _range_on_half_lines(form: Simplified | Written) -> tuple[int, Interval]:
     found, failure = {}, Undecided("")
     for start in HALF_LINES:
         try:
-            lines = [Tail.variable(start, sign) for sign in (1, -1)]
+            lines = [_half_line(start, sign) for sign in (1, -1)]
             found[start] = hull(*(form.at(2, s, s.scalar, tails.call).range() for s in lines))
         except Undecided as reason:
             failure = reason

@@ -1,4 +1,4 @@
-"""The order of the obligations of the theorem recipe/1 (docs/certificate.md)."""
+"""The order of the obligations of the theorem recipe/2 (docs/certificate.md)."""
 
 from __future__ import annotations
 

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import ceil, floor
 
 from certify.checker.intervals import Interval, between, enclose, hull, maximum, symmetric
 from certify.checker.rules.mixing import point
 from certify.checker.verdict import Undecided
+
+
+@dataclass(frozen=True)
+class AgentEnvelope:
+    """``|y_i^r − s*| ≤ peak`` for ever, ``∫ (y_i^r − s*)² ≤ energy``, ``∫ (ẏ_i^r)² ≤ speed_energy``; each a point.
+
+    ``reference`` is what they come from, step by step.
+    """
+
+    peak: Interval
+    energy: Interval
+    speed_energy: Interval
+    reference: Reference
 
 
 @dataclass(frozen=True)
@@ -33,10 +46,11 @@ class Step:
 
 @dataclass(frozen=True)
 class Reference:
-    """``steps`` of length ``step``; after them ``tail_distance`` and ``tail_speed`` decay at the rate ``tail_rate``."""
+    """``steps[k]`` is from ``times[k]`` to ``times[k + 1]``, ``times[0] = 0``; after them ``tail_distance`` and
+    ``tail_speed`` decay at the rate ``tail_rate``."""
 
     optimum: Interval
-    step: Fraction
+    times: Sequence[Fraction]
     steps: Sequence[Step]
     tail_distance: Interval
     tail_speed: Interval
@@ -45,14 +59,15 @@ class Reference:
     @property
     def end(self) -> Fraction:
         """``T0``"""
-        return self.step * len(self.steps)
+        return self.times[-1]
 
     def tail(self) -> Range:
         return Range(self.optimum + symmetric(self.tail_distance), self.tail_distance, self.tail_speed)
 
     def during(self, start: Fraction, end: Fraction) -> Range:
         """From ``start`` to ``end``: the hull over the steps that meet this time, and over the tail if it does."""
-        met = self.steps[floor(start / self.step) : max(ceil(end / self.step), floor(start / self.step) + 1)]
+        first = bisect_right(self.times, start) - 1
+        met = self.steps[first : max(bisect_left(self.times, end), first + 1)]
         ranges = [_together(met)] if met else []
         if end > self.end or not met:
             ranges.append(self.tail())

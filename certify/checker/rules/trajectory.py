@@ -1,7 +1,7 @@
 """A nominal coordinator trajectory, step by step, with proved bounds of its defect (docs/certificate.md section 2).
 
 Polynomials in ``σ = τ/Δ ∈ [0, 1]`` have fixed-point coefficients, and the trajectory is exactly what they say: only
-``ξ`` and ``c'`` carry errors. ``q`` clears the denominators of ``α1ΔL``, ``α2ΔB`` and ``Δ``: all else is exact.
+``ξ`` and ``c'`` carry errors. ``q`` clears the denominators of ``α1ΔL``, ``α2ΔB``, ``Δ`` and ``κΔ``: all else is exact.
 """
 
 from __future__ import annotations
@@ -40,15 +40,18 @@ class Segment:
 
 
 class Stepper:
-    """``y' = −c'(y)/ξ − α1Ly − α2Bω``, ``ω' = α1(Ly)_(1…N−1)``, one step at a time."""
+    """``y' = −κc'(y)/ξ − α1Ly − α2Bω``, ``ω' = α1(Ly)_(1…N−1)``, one step at a time."""
 
-    def __init__(self, costs: tuple[Cost, ...], consensus: Matrix, feedback: Matrix, step: Fraction) -> None:
+    def __init__(
+        self, costs: tuple[Cost, ...], consensus: Matrix, feedback: Matrix, step: Fraction, gradient_gain: Fraction
+    ) -> None:
         """``consensus = α1ΔL`` and ``feedback = α2ΔB``."""
-        self.costs = costs
-        q = self.q = lcm(*map(linear.common_denominator, (consensus, feedback)), step.denominator)
+        self.costs, gradient_step = costs, gradient_gain * step
+        denominators = map(linear.common_denominator, (consensus, feedback))
+        q = self.q = lcm(*denominators, step.denominator, gradient_step.denominator)
         whole = ([[int(entry * q) for entry in row] for row in matrix] for matrix in (consensus, feedback))
         self.consensus, self.feedback = whole
-        self.q_step = int(q * step)
+        self.q_step, self.q_gradient = int(q * step), int(q * gradient_step)
         self.affine = [_integers(*cost.affine) if cost.affine else None for cost in costs]
 
     def advance(self, mixing: StepOfMixing, y: list[int], omega: list[int]) -> Segment:
@@ -56,7 +59,7 @@ class Stepper:
         q, xi = self.q, mixing.taylor
         slopes = [self.slope(i, value) for i, value in enumerate(y)]
         ys, omegas = [y], [omega]  # by order, then by agent
-        us: list[list[int]] = [[] for _ in y]  # Δ c'(ŷ)/ξ
+        us: list[list[int]] = [[] for _ in y]  # κΔ c'(ŷ)/ξ
         drifts: list[list[int]] = []  # q α1Δ(Lŷ)_(1…N−1)
         pulls: list[list[int]] = []  # q (α1ΔLŷ + α2ΔBω̂)
         for j in range(ORDER + 1):
@@ -66,7 +69,7 @@ class Stepper:
             if j == ORDER:
                 break
             for u, slope, value, x in zip(us, slopes, ys[j], xi, strict=True):
-                source = self.q_step * (slope.sigma * value >> SLOPE_BITS if j else slope.value) // q
+                source = self.q_gradient * (slope.sigma * value >> SLOPE_BITS if j else slope.value) // q
                 u.append((source * UNIT - dot(x[1 : j + 1], u[::-1])) // x[0])
             scale = q * (j + 1)
             ys.append([-(u[j] * q + pull) // scale for u, pull in zip(us, pulls[j], strict=True)])
@@ -97,18 +100,18 @@ class Stepper:
     def defect(
         self, cost: Cost, slope: Slope, y: list[int], rate: list[int], xi: list[int], error: int, xi_low: int
     ) -> int:
-        """``|ρ|`` from ``−q Δ ξ ρ = q Δ (c'(y_0) + σd + (c'' − σ)d) + ξ·rate`` with ``d = ŷ − y_0``."""
+        """``|ρ|`` from ``−q Δ ξ ρ = q κΔ (c'(y_0) + σd + (c'' − σ)d) + ξ·rate`` with ``d = ŷ − y_0``."""
         result = _product(xi, rate)
-        result[0] += self.q_step * slope.value * UNIT
+        result[0] += self.q_gradient * slope.value * UNIT
         for j in range(1, ORDER + 1):
-            result[j] += self.q_step * slope.sigma * y[j] << SCALE - SLOPE_BITS
+            result[j] += self.q_gradient * slope.sigma * y[j] << SCALE - SLOPE_BITS
         distance = sum(map(abs, y[1:]))
         spread = slope.spread
         if spread is None:
             sigma = Fraction(slope.sigma, 1 << SLOPE_BITS)
             spread = fixed_up((cost.curvature(point(y[0], distance)) - sigma).magnitude)
         bound = sum(map(abs, result)) + error * sum(map(abs, rate))
-        bound += self.q_step * (slope.error * UNIT + spread * distance)
+        bound += self.q_gradient * (slope.error * UNIT + spread * distance)
         return bound // (self.q_step * xi_low) + 1
 
 
