@@ -406,6 +406,10 @@ def produce(tiny: Tiny) -> Json:
             "plant_sha256": hashlib.sha256(tiny.toml).hexdigest(),
             "alpha1": "1",
             "alpha2": "1",
+            "gradient_gain": "1",
+            "mixing_gain": "1",
+            "mixing_time": "0",
+            "softening": "0",
             "agents": [
                 {
                     "id": "1",
@@ -416,6 +420,7 @@ def produce(tiny: Tiny) -> Json:
         },
         "witness": {
             "optimum": ["0", "0"],
+            "left_null_vector": ["1"],
             "exosystem": {"Q": [["1", "0"], ["0", "1"]]} if s else None,
             "coordinator": {
                 "P": [["1"]],

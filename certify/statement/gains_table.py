@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
+from certify.network_certificate import COORDINATOR_KEYS
 from certify.statement.numbers import with_log10
 
 COLUMNS = ("g", "K", "delta", "h")
@@ -26,7 +27,7 @@ def gains_table(gains: Mapping[str, Any] | None) -> list[str]:
         return []
     widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return [*lines, f"alpha1 = {_shown(gains['alpha1'])}, alpha2 = {_shown(gains['alpha2'])}"]
+    return [*lines, ", ".join(f"{key} = {_shown(gains[key])}" for key in COORDINATOR_KEYS)]
 
 
 def _shown(value: str | None) -> str:

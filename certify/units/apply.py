@@ -89,7 +89,7 @@ def scaled_envelope(envelope: Envelope, index: int, scales: Scales) -> Envelope:
     agents[index] = _agent_envelope(agents[index], scales)
     return replace(
         envelope,
-        step=envelope.step / scales.time,
+        times=tuple(time / scales.time for time in envelope.times),
         tail_decay=envelope.tail_decay * scales.time,
         agents=tuple(agents),
     )
