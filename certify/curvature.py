@@ -65,15 +65,45 @@ def cost_curvature(cost: sympy.Expr) -> Curvature | CurvatureFailure:
 
 
 def _second_bounds(second: sympy.Expr) -> LineBounds:
-    """Bounds of ``c''`` as it was differentiated and, where they are loose, as one quotient, where less cancels."""
+    """Bounds of ``c''`` as it was differentiated and, where they are loose, in other forms in which less cancels."""
     bounds = line_bounds(second, COST_VARIABLE)
     hopeless = bounds.reached_low is not None and bounds.reached_low <= 0
-    if hopeless or bounds.diverges or _is_tight(bounds) or second.count_ops() > MAX_OPERATIONS:
+    if hopeless or bounds.diverges or second.count_ops() > MAX_OPERATIONS:
         return bounds
-    other = line_bounds(normal_form(second), COST_VARIABLE)
-    lowers = [found.lower for found in (bounds, other) if found.lower is not None]
-    uppers = [found.upper for found in (bounds, other) if found.upper is not None]
-    return replace(bounds, lower=max(lowers, default=None), upper=min(uppers, default=None))
+    for form in (_roots_collected, normal_form):
+        if _is_tight(bounds):
+            break
+        other = line_bounds(form(second), COST_VARIABLE)
+        if _is_tight(other):
+            return other
+        lowers = [found.lower for found in (bounds, other) if found.lower is not None]
+        uppers = [found.upper for found in (bounds, other) if found.upper is not None]
+        bounds = replace(bounds, lower=max(lowers, default=None), upper=min(uppers, default=None))
+    return bounds
+
+
+def _roots_collected(expression: sympy.Expr) -> sympy.Expr:
+    """Terms with the same roots ``u^(k/2)`` over a common power of them: ``1/√u − (s − 1)²/u^(3/2) = (u − (s − 1)²)/…``
+    is ``ε/u^(3/2)`` for ``u = (s − 1)² + ε``."""
+    groups: dict[frozenset[sympy.Expr], list[tuple[dict[sympy.Expr, sympy.Rational], sympy.Expr]]] = {}
+    for term in sympy.Add.make_args(sympy.expand_mul(expression)):
+        roots: dict[sympy.Expr, sympy.Rational] = {}
+        rest = sympy.S.One
+        for factor in sympy.Mul.make_args(term):
+            base, exponent = factor.as_base_exp()
+            if base.free_symbols and isinstance(exponent, sympy.Rational) and exponent.q == 2:
+                roots[base] = roots.get(base, sympy.S.Zero) + exponent
+            else:
+                rest *= factor
+        groups.setdefault(frozenset(roots), []).append((roots, rest))
+    collected = sympy.S.Zero
+    for bases, terms in groups.items():
+        least = {base: min(roots[base] for roots, _ in terms) for base in bases}
+        inner = sympy.Add(
+            *(rest * sympy.Mul(*(base ** (roots[base] - least[base]) for base in bases)) for roots, rest in terms)
+        )
+        collected += sympy.Mul(*(base**exponent for base, exponent in least.items())) * sympy.expand(inner)
+    return collected
 
 
 def _is_tight(bounds: LineBounds) -> bool:

@@ -33,6 +33,12 @@ STRONGLY_CONVEX = {
     "two frequencies": (s**2 + sin(s) / 3 + cos(s / 2), 1.479547, 2.520453),
     "hyperbola": (s**2 + sqrt(1 + s**2), 2, 3),
     "hyperbola of degree four": (s**2 + sqrt(1 + s**4), 2, 4.828427),
+    "smoothed absolute value": (sqrt((s - 1) ** 2 + Rational(1, 10**12)) + (s - 1) ** 2, 2, 1e6 + 2),
+    "two smoothed absolute values": (
+        sqrt((s - 2) ** 2 + Rational(1, 10**8)) + sqrt((s + 1) ** 2 + Rational(1, 100)) / 3 + s**2 / 2,
+        1,
+        1e4 + 1,
+    ),
     "log cosh": (s**2 + log(cosh(s)), 2, 3),
     "log of two exponentials": (s**2 + log(exp(s) + exp(-s)), 2, 3),
     "atan": (s**2 + atan(s), 1.350481, 2.649519),

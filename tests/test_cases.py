@@ -27,7 +27,7 @@ TABLE = [
     ("gains refusals/f-sqrt-in-box", 1, "refuted", "A0, agent 1: f1 is not smooth on the initial box"),
     ("check refusals/f-pole-in-box", 1, "fails", "it is 0 at x1 = 1/2"),
     ("gains refusals/number-1e400", 2, "", "the number's exponent is beyond 300"),
-    ("check refusals/smoothed-absolute-value", 3, "unknown", "no positive lower bound of c'' was proved"),
+    ("check refusals/smoothed-absolute-value", 0, "holds", '"l": "1000003"'),
     ("check refusals/cubic-zero-dynamics", 3, "unknown", "an equilibrium there may be, but none that is smooth at 0"),
 ]
 

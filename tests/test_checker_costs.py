@@ -68,6 +68,9 @@ def test_a_cost_that_is_not_smooth_somewhere_is_refused(cost: str) -> None:
         ("s^2 + atan(s - 1)/3", 1.7835, 2.2165),
         ("s^2 + s*tanh(s)", 1.8523, 4.0),
         ("s^2 + sin(s)*exp(-s^2)/4", 1.4712, 2.5289),
+        ("sqrt((s - 1)^2 + 1e-12) + (s - 1)^2", 2.0, 1e6 + 2),
+        ("sqrt((s - 1/3)^2 + 1e-8)/100 + s^2/2", 1.0, 101.0),
+        ("s^2/(80*log(s^2 + 2)) + (s - 5)^2", 2.0, 2.0361),
     ],
 )
 def test_smooth_costs_keep_their_bounds(cost: str, least: float, largest: float) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 from certify.checker import functions
 from certify.checker.derivatives import slope
 from certify.checker.expressions import Name, Node, evaluate, exact_call
-from certify.checker.intervals import enclose
+from certify.checker.intervals import Interval, enclose
 from certify.checker.verdict import Undecided, spend
 
 Monomial = tuple[tuple[str, int], ...]  # (name, exponent > 0), sorted by name
@@ -197,15 +197,28 @@ class Algebra:
     def vanishes(self, value: Rational) -> bool:
         """Whether the value is identically zero, by the laws of a field and ``√u·√u = u``."""
         for atom in sorted(value.names() & self.atoms.keys()):
-            function, argument = self.atoms[atom]
-            if function == "sqrt" and any(dict(monomial).get(atom, 0) > 1 for monomial in value.top.terms):
-                result, root = ZERO, variable(atom)
-                for monomial, c in value.top.terms.items():
-                    power = dict(monomial).get(atom, 0)
-                    rest = Rational(Polynomial({tuple(pair for pair in monomial if pair[0] != atom): c}), {})
-                    result = result + rest * root ** (power % 2) * argument ** (power // 2)
-                return self.vanishes(result)
+            if self._is_squared(atom, value):
+                return self.vanishes(self._without_square(atom, Rational(value.top, {})))
         return not value.top.terms
+
+    def without_squares(self, value: Rational) -> Rational:
+        """The same value with ``u`` for ``√u·√u`` in the numerator, where ``u`` is a polynomial: much cancels."""
+        for atom in sorted(value.top.names() & self.atoms.keys()):
+            if self._is_squared(atom, value) and not self.atoms[atom][1].bottom:
+                return self.without_squares(self._without_square(atom, value))
+        return value
+
+    def _is_squared(self, atom: str, value: Rational) -> bool:
+        is_root = self.atoms[atom][0] == "sqrt"
+        return is_root and any(dict(monomial).get(atom, 0) > 1 for monomial in value.top.terms)
+
+    def _without_square(self, atom: str, value: Rational) -> Rational:
+        result, root, argument = ZERO, variable(atom), self.atoms[atom][1]
+        for monomial, c in value.top.terms.items():
+            power = dict(monomial).get(atom, 0)
+            rest = Rational(Polynomial({tuple(pair for pair in monomial if pair[0] != atom): c}), {})
+            result = result + rest * root ** (power % 2) * argument ** (power // 2)
+        return result * Rational(ONE.top, value.bottom)
 
     def derivative(self, value: Rational, name: str) -> Rational:
         result = value.partial(name)
@@ -236,7 +249,9 @@ class Algebra:
         def at(name: str) -> Any:
             if name not in known:
                 function, argument = self.atoms[name]
-                known[name] = call(function, self.enclosure(argument, box, number, call))
+                square = _completed_square(argument, box)
+                inner = self.enclosure(argument, box, number, call) if square is None else square
+                known[name] = call(function, inner)
             return known[name]
 
         def polynomial(p: Polynomial) -> Any:
@@ -253,3 +268,17 @@ class Algebra:
         for factor, power in value.bottom.items():
             result = result / polynomial(factor) ** power
         return result
+
+
+def _completed_square(value: Rational, box: Mapping[str, Any]) -> Interval | None:
+    """The exact range of ``a s² + b s + c`` on an interval, as ``a (s + b/2a)² + c − b²/4a``; None for all else."""
+    names = value.top.names()
+    if value.bottom or len(names) != 1:
+        return None
+    (name,) = names
+    x = box.get(name)
+    a = value.top.terms.get(((name, 2),), Fraction(0))
+    if not isinstance(x, Interval) or not a or any(exponent > 2 for m in value.top.terms for _, exponent in m):
+        return None
+    b, c = (value.top.terms.get(monomial, Fraction(0)) for monomial in (((name, 1),), UNIT))
+    return a * (x + b / (2 * a)) ** 2 + (c - b * b / (4 * a))

@@ -1,4 +1,4 @@
-"""Values of functions on a half-line: ``f(s) ∈ s^p e^(ks)·[c]`` for all ``s ≥ start``, with rational ``p`` and ``k``.
+"""Values of functions on a half-line: ``f(s) ∈ s^p (log s)^q e^(ks)·[c]`` for all ``s ≥ start``, rational ``p, q, k``.
 
 Keeping the growth apart from the bounded factor lets the parts of ``e^s/(1 + e^s)²`` cancel where plain intervals with
 infinite ends would not. ``affine = (a, b)`` says that the value is exactly ``a s + b``, which is what ``exp`` needs.
@@ -14,18 +14,26 @@ from certify.checker.functions import call as interval_call
 from certify.checker.intervals import Interval, between, enclose, hull
 from certify.checker.verdict import Undecided
 
-Growth = tuple[Fraction, Fraction]  # (k, p): compared in this order
-FLAT: Growth = (Fraction(0), Fraction(0))
+Growth = tuple[Fraction, Fraction, Fraction]  # (k, p, q): compared in this order
+Affine = tuple[Fraction, Fraction]
+FLAT: Growth = (Fraction(0), Fraction(0), Fraction(0))
+FIRST_LOGARITHM = 16  # log log s/log s falls from e^e = 15.2 on
 
 
 class Tail:
-    """``s^p e^(ks)·[c]`` for ``s ≥ start``; ``start`` is a power of 4."""
+    """``s^p (log s)^q e^(ks)·[c]`` for ``s ≥ start``; ``start`` is a power of 4."""
 
-    def __init__(self, start: int, c: Interval, growth: Growth = FLAT, affine: Growth | None = None) -> None:
+    def __init__(self, start: int, c: Interval, growth: Growth = FLAT, affine: Affine | None = None) -> None:
         self.start = start
         self.c = c
         self.growth = FLAT if c.is_zero else growth
         self.affine = affine
+
+    @classmethod
+    def variable(cls, start: int, sign: int) -> Tail:
+        """``s`` itself where ``sign·s ≥ start``, with ``|s|`` for the variable of the growth."""
+        one = Fraction(1)
+        return cls(start, Interval(sign, sign), (Fraction(0), one, Fraction(0)), (Fraction(sign), Fraction(0)))
 
     def scalar(self, value: Any) -> Tail:
         if isinstance(value, Tail):
@@ -38,16 +46,27 @@ class Tail:
         return self.c * self.ratio(self.growth)
 
     def ratio(self, growth: Growth) -> Interval:
-        """An enclosure of ``s^p e^(ks)`` on the half-line; growing functions are refused."""
-        k, p = growth
+        """An enclosure of ``s^p (log s)^q e^(ks)`` on the half-line; growing functions are refused."""
         if growth == FLAT:
             return Interval(1, 1)
-        if k > 0 or (k == 0 and p > 0) or (k < 0 and p > -k * self.start):
-            raise Undecided("the expression is not shown to be bounded on the whole line")
-        if (2 * p).denominator != 1 or abs(p) > 64:
+        k, p, q = growth
+        if (2 * p).denominator != 1 or (2 * q).denominator != 1 or max(abs(p), abs(q)) > 64:
             raise Undecided("a root of a root on the whole line")
+        if k > 0 or not self._falls(growth):
+            raise Undecided("the expression is not shown to be bounded on the whole line")
         largest = Interval(isqrt(self.start), isqrt(self.start)) ** int(2 * p) * enclose(k * self.start).exp()
-        return hull(Interval(0, 0), largest)  # decreasing, since p ≤ −k·start
+        if q:
+            largest = largest * self.logarithm().sqrt() ** int(2 * q)
+        return hull(Interval(0, 0), largest)
+
+    def logarithm(self) -> Interval:
+        """``log start``, which is above 1."""
+        return interval_call("log", enclose(self.start))
+
+    def _falls(self, growth: Growth) -> bool:
+        """Whether ``k s + p + q/log s ≤ 0`` on the half-line: ``s`` times the derivative of the logarithm."""
+        k, p, q = growth
+        return p + max(q, Fraction(0)) / self.logarithm() + k * self.start <= 0 if q else p <= -k * self.start
 
     def __neg__(self) -> Tail:
         return self * -1
@@ -60,8 +79,7 @@ class Tail:
             return Tail(self.start, kept.c, kept.growth, affine)
         if x.growth < y.growth:
             x, y = y, x
-        k, p = y.growth[0] - x.growth[0], y.growth[1] - x.growth[1]
-        return Tail(self.start, x.c + y.c * self.ratio((k, p)), x.growth, affine)
+        return Tail(self.start, x.c + y.c * self.ratio(_plus(y.growth, x.growth, -1)), x.growth, affine)
 
     __radd__ = __add__
 
@@ -74,14 +92,17 @@ class Tail:
         if self.affine and other.affine and 0 in (self.affine[0], other.affine[0]):
             (a, b), (c, d) = self.affine, other.affine
             affine = (a * d + b * c, b * d)
-        growth = (self.growth[0] + other.growth[0], self.growth[1] + other.growth[1])
-        return Tail(self.start, self.c * other.c, growth, affine)
+        return Tail(self.start, self.c * other.c, _plus(self.growth, other.growth, 1), affine)
 
     __rmul__ = __mul__
 
     def __pow__(self, exponent: int) -> Tail:
-        growth = (self.growth[0] * exponent, self.growth[1] * exponent)
-        return Tail(self.start, self.c**exponent, growth, self.affine if exponent == 1 else None)
+        return Tail(
+            self.start,
+            self.c**exponent,
+            _times(self.growth, Fraction(exponent)),
+            self.affine if exponent == 1 else None,
+        )
 
     def __truediv__(self, other: Any) -> Tail:
         other = self.scalar(other)
@@ -93,13 +114,20 @@ class Tail:
         return other * self**-1
 
 
+def _plus(x: Growth, y: Growth, sign: int) -> Growth:
+    return (x[0] + sign * y[0], x[1] + sign * y[1], x[2] + sign * y[2])
+
+
+def _times(x: Growth, factor: Fraction) -> Growth:
+    return (x[0] * factor, x[1] * factor, x[2] * factor)
+
+
 def call(function: str, u: Tail) -> Tail:
-    """A function of a tail. Raises ``Undecided`` for what the scale ``s^p e^(ks)`` does not hold."""
-    halved = (u.growth[0] / 2, u.growth[1] / 2)
+    """A function of a tail. Raises ``Undecided`` for what the scale ``s^p (log s)^q e^(ks)`` does not hold."""
     if function == "sqrt":
-        return Tail(u.start, interval_call("sqrt", u.c), halved)
+        return Tail(u.start, interval_call("sqrt", u.c), _times(u.growth, Fraction(1, 2)))
     if function == "exp" and u.affine:
-        return Tail(u.start, enclose(u.affine[1]).exp(), (u.affine[0], Fraction(0)))
+        return Tail(u.start, enclose(u.affine[1]).exp(), (u.affine[0], Fraction(0), Fraction(0)))
     if u.growth <= FLAT:
         return Tail(u.start, interval_call(function, u.range()))
     if function in ("sinh", "cosh", "tanh") and u.affine:
@@ -115,7 +143,7 @@ def call(function: str, u: Tail) -> Tail:
         return Tail(u.start, between(value.lo, 2) if u.c > 0 else between(-2, value.hi))
     if function == "exp" and u.c < 0 and u.growth[1] >= 1:  # u ≤ −rate·s
         rate = -u.c.hi * Fraction(u.start) ** (floor(u.growth[1]) - 1)
-        return Tail(u.start, Interval(0, 1), (-rate, Fraction(0)))
+        return Tail(u.start, Interval(0, 1), (-rate, Fraction(0), Fraction(0)))
     if function == "exp" and u.c < 0:
         return Tail(u.start, between(0, end.exp().hi))
     if function == "log" and u.c > 0:
@@ -124,10 +152,19 @@ def call(function: str, u: Tail) -> Tail:
 
 
 def _log(u: Tail) -> Tail:
-    """``log c + p log s + k s`` as ``s·[…]``, or ``√s·[…]`` if ``k = 0``; they fall from 4 and from 16 on."""
-    (k, p), root = u.growth, 1 if u.growth[0] else 2
-    if root == 2 and u.start < 16:
+    """``log c + k s + p log s + q log log s`` as ``s·[…]``, or ``log s·[…]`` if ``k = 0``.
+
+    ``log s/s`` falls from e on, ``log log s/log s`` from ``FIRST_LOGARITHM`` on.
+    """
+    (k, p, q), log_start = u.growth, u.logarithm()
+    if (q or not k) and u.start < FIRST_LOGARITHM:
         raise Undecided("log of an argument that has not grown yet")
-    decay = hull(Interval(0, 0), enclose(Fraction(1, u.start if root == 1 else isqrt(u.start))))
-    rest = p * decay * interval_call("log", enclose(u.start)) + decay * interval_call("log", u.c)
-    return Tail(u.start, k + rest, (Fraction(0), Fraction(1, root)))
+    own, twice = interval_call("log", u.c), q * interval_call("log", log_start) if q else Interval(0, 0)
+    if not k:
+        if not p:
+            raise Undecided("log of an argument that grows like a logarithm")
+        rest = hull(Interval(0, 0), own / log_start) + hull(Interval(0, 0), twice / log_start)
+        return Tail(u.start, p + rest, (Fraction(0), Fraction(0), Fraction(1)))
+    decay = hull(Interval(0, 0), enclose(Fraction(1, u.start)))
+    rest = decay * own + p * decay * log_start + decay * twice
+    return Tail(u.start, k + rest, (Fraction(0), Fraction(1), Fraction(0)))

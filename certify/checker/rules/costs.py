@@ -56,7 +56,8 @@ class Simplified:
         self.algebra = Algebra()
         self.orders = [[self.algebra.read(term, {"s": variable("s")}) for term in terms_of(cost)]]
         for _ in range(3):
-            self.orders.append([self.algebra.derivative(term, "s") for term in self.orders[-1]])
+            derivatives = [self.algebra.derivative(term, "s") for term in self.orders[-1]]
+            self.orders.append([self.algebra.without_squares(term) for term in derivatives])
 
     def at(
         self,
@@ -148,7 +149,7 @@ def _prove_smooth(cost: Node) -> None:
     for start in HALF_LINES:
         try:
             for sign in (1, -1):
-                s = _half_line(start, sign)
+                s = Tail.variable(start, sign)
                 evaluate(cost, {"s": s}, s.scalar, tails.call)
         except Undecided as reason:
             failure = reason
@@ -157,11 +158,6 @@ def _prove_smooth(cost: Node) -> None:
             supremum(lambda box: 0 * evaluate(cost, box, enclose, functions.call), middle, ["s"], CUTS)
             return
     raise failure
-
-
-def _half_line(start: int, sign: int) -> Tail:
-    """``s`` itself on ``sign·s ≥ start``."""
-    return Tail(start, Interval(sign, sign), (Fraction(0), Fraction(1)), (Fraction(sign), Fraction(0)))
 
 
 def _range_on_line(form: Simplified | Written) -> Interval:
@@ -186,7 +182,7 @@ def _range_on_half_lines(form: Simplified | Written) -> tuple[int, Interval]:
     found, failure = {}, Undecided("")
     for start in HALF_LINES:
         try:
-            lines = [_half_line(start, sign) for sign in (1, -1)]
+            lines = [Tail.variable(start, sign) for sign in (1, -1)]
             found[start] = hull(*(form.at(2, s, s.scalar, tails.call).range() for s in lines))
         except Undecided as reason:
             failure = reason
