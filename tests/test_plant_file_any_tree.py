@@ -3,40 +3,15 @@
 from __future__ import annotations
 
 import copy
-import json
 import tomllib
-from typing import Any
 
+from fuzz.mutated_plants import document, places
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plant_texts import BASE, read, refusal
 
 from symbolic.errors import InputError
 from symbolic.plant_file import parse_plant
-
-
-def toml(value: Any) -> str:
-    """A TOML value; tables inline."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(key)} = {toml(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return json.dumps(value).replace("\\ud", "?").replace("\x7f", "?") if isinstance(value, str) else str(value)
-
-
-def document(tree: dict[str, Any]) -> bytes:
-    return "\n".join(f"{json.dumps(key)} = {toml(value)}" for key, value in tree.items()).encode()
-
-
-def places(tree: Any) -> list[tuple[Any, Any]]:
-    """Every container and key of a tree."""
-    found = []
-    for key in list(tree) if isinstance(tree, dict) else range(len(tree)) if isinstance(tree, list) else ():
-        found += [(tree, key), *places(tree[key])]
-    return found
-
 
 TREE = tomllib.loads(BASE)
 KEYS = sorted({key for _, key in places(TREE) if isinstance(key, str)})

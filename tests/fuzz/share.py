@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 from .inputs import Input, make
+from .mutated_plants import mutated_plant
 from .readers import Tally, Touched, _limits, feed, watch
 from .valid_plants import valid_plant
 
@@ -38,6 +39,13 @@ def watched(certificates: list[bytes]) -> bool:
     return False
 
 
+def meaning(rng: random.Random, number: int) -> Input:
+    """In turn a whole plant file that is valid, or wrong only in a name, and one that is a few steps away from it."""
+    if number % 2:
+        return Input("plant", "mutated", mutated_plant(rng))
+    return Input("plant", "meaning", valid_plant(rng))
+
+
 def share(task: tuple[list[bytes], int, int, int, int, float, bool]) -> Tally:
     """Every ``workers``-th input, until the deadline; only whole plant files if ``meanings``."""
     certificates, count, seed, worker, workers, deadline, meanings = task
@@ -48,7 +56,7 @@ def share(task: tuple[list[bytes], int, int, int, int, float, bool]) -> Tally:
         if time.monotonic() > deadline:
             break
         rng = random.Random(f"{seed}/{number}")
-        feed(Input("plant", "meaning", valid_plant(rng)) if meanings else make(rng, seeds, certificates), tally)
+        feed(meaning(rng, number) if meanings else make(rng, seeds, certificates), tally)
         if tally.inputs % 5000 == 0:
             print(
                 f"worker {worker}: {tally.inputs} after {time.monotonic() - start:.0f} s, {len(tally.faults)} faults, "
