@@ -21,7 +21,12 @@ from symbolic.plant_file import load_plant, parse_plant
 from symbolic.plant_writer import with_source, write_plant
 
 ROOT = Path(__file__).resolve().parent.parent
-FILES = sorted([*(ROOT / "examples").rglob("*.toml"), *(ROOT / "tests").rglob("*.toml")])
+REFUSED = ("number-1e400.toml", "agent-constant-in-initial.toml")  # cases that are no plants
+FILES = sorted(
+    path
+    for path in (*(ROOT / "examples").rglob("*.toml"), *(ROOT / "tests").rglob("*.toml"))
+    if path.name not in REFUSED
+)
 PENDULUMS = load_plant(ROOT / "examples" / "pendulums.toml")
 
 
