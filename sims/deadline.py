@@ -80,7 +80,8 @@ def _reference_time(plant: Plant, controller: Controller, start: Scenario) -> fl
     rows = len(start.v) + np.arange(len(plant.agents))
     weight = max((float(edge.weight) for edge in plant.digraph.edges), default=1.0)
     constants = controller.coordinator
-    horizon = 1.0 / (weight * max(float(constants.alpha1), float(constants.alpha2))) + float(constants.mixing_time)
+    fastest = max(weight * float(constants.alpha1), float(constants.alpha2))  # both are rates
+    horizon = 1.0 / fastest + float(constants.mixing_time)
     for _ in range(_DOUBLINGS):
         layer = upper_layer(plant, controller, shared, horizon)
         late = layer.signals.sample(np.linspace((1.0 - LAST_WINDOW) * horizon, horizon, 50))[rows]
