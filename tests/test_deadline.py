@@ -28,6 +28,7 @@ order = 1
 f = "{per}*x1/2"
 b = "{per}"
 cost = "{per}*(s - id)^2"
+internal_model = {{ M = [["-{per}"]], N = ["{per}"] }}
 """
 
 
