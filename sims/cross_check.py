@@ -24,7 +24,8 @@ from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Plant
 
-_FIRST, _LARGEST = 256, 1024
+_LARGEST = 1024  # lanes of one part: a step costs as much as 300 lanes of it, and their samples take some 50 MB
+_FIRST = 256  # with a time limit, which a first part of every agent may overrun
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,10 @@ def cross_check(
     progress: Progress | None = None,
     share: Share | None = None,
 ) -> CrossCheck:
-    """``count`` trajectories per agent, however long they take; the agents take turns, in small parts first.
+    """``count`` trajectories per agent, however long they take; the agents take turns.
 
-    With a ``time_limit`` in seconds no further part begins after it, but for the first of each agent. A third of the
+    With a ``time_limit`` in seconds parts are small at first, and none begins after it but the first of each agent.
+    A third of the
     points is uniform in ``W × box``, a third has ``w`` at a vertex, a third is a vertex altogether. The same points for
     the same ``seed``, however many of them a limit leaves. Deadlines, ``horizon`` and ``tolerance``, ``workers`` and
     ``scheduler`` are as for :func:`sims.falsifier.falsify`; ``compiled`` runs on threads of its own. Raises
@@ -112,7 +114,9 @@ def cross_check(
     setting = _Setting(plant, controller, shared, layers, due, bounds, compiled, seed, count)
     until = time.time() + time_limit
     tasks = [
-        _Task(agent.id, low, high, until if low else math.inf) for low, high in _parts(count) for agent in plant.agents
+        _Task(agent.id, low, high, until if low else math.inf)
+        for low, high in _parts(count, _LARGEST if time_limit == math.inf else _FIRST)
+        for agent in plant.agents
     ]
     parts: dict[int, list[_Part]] = {}
     results = run_tasks(partial(_run, setting), tasks, workers=workers, scheduler=scheduler)
@@ -128,8 +132,8 @@ def cross_check(
     return _result([_together(found) for found in parts.values()], count)
 
 
-def _parts(count: int) -> Iterator[tuple[int, int]]:
-    low, size = 0, _FIRST
+def _parts(count: int, first: int) -> Iterator[tuple[int, int]]:
+    low, size = 0, first
     while low < count:
         yield low, min(low + size, count)
         low, size = low + size, min(2 * size, _LARGEST)

@@ -35,6 +35,8 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "verify": ("verify", "{plant}", "{certificate}"),
     "simulate": ("simulate", "{plant}", "{certificate}", "-o", "{out}"),
     "falsify": ("falsify", "{plant}", "{certificate}", "-o", "{out}/witness.json"),
+    "region": ("region", "{plant}", "{certificate}", "-o", "{out}"),
+    "export": ("export", "{plant}", "{certificate}", "--to", "c", "-o", "{out}/code"),
     "report": ("report", "{plant}", "{certificate}", "-o", "{out}/report.pdf"),
 }
 RESULTS = ("certificate.json", "report.pdf", "summary.json", "region.svg", "witness.json", "trajectory.csv")
@@ -58,7 +60,7 @@ class Running:
     """A command in a process of its own, with a token by which all its processes are known."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
-        self.token = uuid.uuid4().hex
+        self.token, self.arguments = uuid.uuid4().hex, arguments
         self.temporary = folder / "tmp"
         self.temporary.mkdir(exist_ok=True)
         keep = {key: value for key, value in os.environ.items() if not key.startswith("MPL")}
@@ -125,11 +127,11 @@ def _faults(
         yield f"said {said[-300:]!r}, printed {output[:100]!r}"
     if os.listdir(running.temporary):
         yield f"temporary files {os.listdir(running.temporary)}"
-    contents = {path.name: path.read_bytes() for path in out.iterdir()}
-    if contents.keys() - set(RESULTS) - {"outputs.png", "references.png", "inputs.png", "tracking_error.png"}:
-        yield f"files {sorted(contents)}"
-    new = {name for name, content in contents.items() if content != EARLIER}
-    if new and "run" in running.process.args and len(new) < len(contents):
+    files = [path for path in out.rglob("*") if path.is_file()]
+    if any(path.name.startswith(".") for path in files):
+        yield f"files {sorted(path.name for path in files)}"
+    new = {path.name for path in files if path.read_bytes() != EARLIER}
+    if new and "run" in running.arguments and not {"report.pdf", "summary.json"} <= new:
         yield f"only {sorted(new)} are new"
 
 
@@ -175,7 +177,7 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--moments", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--plant", type=Path, default=ROOT / "examples" / "mass_spring.toml")
+    parser.add_argument("--plant", type=Path, default=ROOT / "examples" / "first_order.toml")
     options = parser.parse_args()
     generator, wrong = random.Random(options.seed), 0
     with tempfile.TemporaryDirectory() as name:
