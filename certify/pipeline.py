@@ -4,6 +4,7 @@ certificate."""
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
@@ -26,16 +27,20 @@ Outcome = tuple[AgentResult, AgentController | None, Json | None]
 
 
 def design_gains(
-    plant: Plant, route: str = "recipe", progress: Report = lambda message: None, check: CheckReport | None = None
+    plant: Plant,
+    route: str = "recipe",
+    progress: Report = lambda message: None,
+    check: CheckReport | None = None,
+    share: Callable[[float], None] = lambda done: None,
 ) -> GainsResult:
     """Gains with a certificate, or what stands in the way. Gains fixed in the plant file are kept and decided as they
-    are."""
+    are. ``progress`` is told what the search is at, ``share`` what part of the agents is done."""
     check = check if check is not None else check_assumptions(plant)
     way = ROUTES[route]
     prepared = prepare(plant, check, progress, way.proved_on_the_way, way.resolution, way.proves)
     if isinstance(prepared, Stopped):
         return _without_certificate(prepared.status, prepared.reason, route, prepared.agents)
-    outcomes = _searched(way, prepared, progress)
+    outcomes = _searched(way, prepared, progress, share)
     results = tuple(result for result, _, _ in outcomes)
     open_agents = [result for result in results if result.status != "certified"]
     if open_agents:
@@ -77,7 +82,7 @@ def tool_versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in names}}
 
 
-def _searched(route: Route, prepared: Prepared, progress: Report) -> list[Outcome]:
+def _searched(route: Route, prepared: Prepared, progress: Report, share: Callable[[float], None]) -> list[Outcome]:
     """The agents do not see each other, so long searches run in parallel."""
 
     def search(index: int, say: Report) -> Outcome:
@@ -88,7 +93,11 @@ def _searched(route: Route, prepared: Prepared, progress: Report) -> list[Outcom
             return AgentResult(prepared.derivation.agents[index].id, "inconclusive", str(obstacle)), None, None
 
     workers = processors() if route.long else 1
-    return list(in_processes(search, range(len(prepared.models)), workers, progress))
+    outcomes: list[Outcome] = []
+    for outcome in in_processes(search, range(len(prepared.models)), workers, progress):
+        outcomes.append(outcome)
+        share(len(outcomes) / len(prepared.models))
+    return outcomes
 
 
 def _summary(status: Status, route: str, certificate: Json, results: tuple[AgentResult, ...]) -> dict[str, Any]:

@@ -54,7 +54,7 @@ def command(
 
     steps = Steps()
     with steps.step("gains") as report, naming(file.name):
-        result = design_gains(loaded, route=route, progress=report.progress)
+        result = design_gains(loaded, route=route, progress=report.progress, share=report.share)
         report(result.status)
     made = None if result.certificate is None else deliver(output, certificate_bytes(result.certificate))
     said = outcome(result, loaded)

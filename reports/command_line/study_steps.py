@@ -58,7 +58,7 @@ def with_derivation(study: Study, source: str, steps: Steps) -> Study:
 def with_gains(study: Study, route: str, steps: Steps) -> Study:
     """A certificate, or the reason why there is none."""
     with steps.step("gains") as report:
-        gains = design_gains(study.plant, route=route, progress=report.progress, check=study.check)
+        gains = design_gains(study.plant, route=route, progress=report.progress, check=study.check, share=report.share)
         report(gains.status if gains.certificate is not None else f"{gains.status}: {gains.reason}")
     return replace(study, gains=gains)
 
