@@ -9,7 +9,7 @@
 'verified'
 
 A plant comes from a file (:func:`read_plant`), from SymPy expressions and a ``networkx.DiGraph`` (:class:`Network`,
-:func:`agent`), or from models of other shapes. Every answer has a ``status``, an ``exit_code`` (that of the command
+:func:`agent`), or from models of other shapes (:func:`affine_model`, :func:`from_state_space`). Every answer has a ``status``, an ``exit_code`` (that of the command
 line), a short text and a table for notebooks. Input that cannot be used raises :class:`InputError`.
 
 A name is loaded when it is first used: to import the door loads neither solvers nor drawings.
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from symbolic.derived import Derivation
     from symbolic.errors import InputError
     from symbolic.gallery import example, gallery
+    from symbolic.models.affine import affine_model
+    from symbolic.models.state_space import from_state_space
     from symbolic.network_description import Network, agent
     from symbolic.plant import Plant
     from symbolic.plant_file import load_plant as read_plant
@@ -45,12 +47,14 @@ _HOMES = {
     "Network": "symbolic.network_description:Network",
     "Plant": "symbolic.plant:Plant",
     "Verification": "certify.verification:Verification",
+    "affine_model": "symbolic.models.affine:affine_model",
     "agent": "symbolic.network_description:agent",
     "check": "certify.door:check",
     "derive": "certify.door:derive",
     "example": "symbolic.gallery:example",
     "falsify": "reports.door:falsify",
     "gallery": "symbolic.gallery:gallery",
+    "from_state_space": "symbolic.models.state_space:from_state_space",
     "gains": "certify.door:gains",
     "read_certificate": "certify.certificate:read_certificate",
     "read_plant": "symbolic.plant_file:load_plant",
@@ -69,11 +73,13 @@ __all__ = [
     "Network",
     "Plant",
     "Verification",
+    "affine_model",
     "agent",
     "check",
     "derive",
     "example",
     "falsify",
+    "from_state_space",
     "gains",
     "gallery",
     "read_certificate",

@@ -78,7 +78,9 @@ def _shares(tables: list[Table], where: Where, count: int | None, before: int) -
     described: set[int] = set()
     length = 0
     for table in tables:
-        numbers: list[int] = table.read("ids", "ids = [1, 2]", partial(_ids, count=count or MAX_AGENTS), list[int]())
+        numbers: list[int] = table.read(
+            "ids", "ids = [1, 2]", partial(agent_ids, count=count or MAX_AGENTS), list[int]()
+        )
         length += len(numbers) * _text_length(table.entries)
         if length > MAX_TEXT:
             raise where.error(messages.TOO_MUCH_TEXT(most=MAX_TEXT))
@@ -133,7 +135,7 @@ def _declared_in(table: Table) -> list[str]:
     return [name for key in ("zero_dynamics", "constants", "uncertain") for name in _keys_of(table, key)]
 
 
-def _ids(value: Value, where: Where, count: int) -> list[int]:
+def agent_ids(value: Value, where: Where, count: int) -> list[int]:
     """The numbers in ``[1, 2]``, ``"3-5"`` or ``[1, "3-5"]``."""
     entries = [value] if isinstance(value, str) else array(value, where, most=count)
     if not entries:

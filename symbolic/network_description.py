@@ -6,8 +6,8 @@ and are refused for the same reasons.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -15,12 +15,16 @@ from typing import Any
 import sympy
 
 from symbolic.errors import InputError
-from symbolic.plant import Plant
+from symbolic.interval import Interval
+from symbolic.plant import Agent, Plant
 from symbolic.plant_file import SCHEMA, parse_plant
+from symbolic.plant_writer import with_source
 from symbolic.toml_value import exact_number, toml_value
 
 Description = Mapping[str, Any]
+Described = tuple[list[int], Description]  # agents' numbers and the keys of their table
 DESIGNERS = ("reference", "observer", "eta")  # initial values that are the designer's choice: 0 where left open
+OWN_BOX = "initial"  # of an agent's description: where its own states start, by name (models bring it along)
 TABLES = ("constants", "exosystem", "initial", "coordinator", "gains", "requirements", "implementation")
 
 
@@ -104,28 +108,28 @@ class Network:
             return {node: node for node in sorted(nodes)}
         return {node: number for number, node in enumerate(nodes, 1)}
 
-    @cached_property
+    @property
     def text(self) -> str:
         """The plant file. Raises ``InputError``."""
+        return self.plant.source.decode()
+
+    @cached_property
+    def _described_text(self) -> str:
+        """The plant file, but for boxes that belong to single agents."""
         numbers = self.numbers
         if not numbers:
             raise InputError(f"{self.name}: graph: at least one node is needed, an agent each")
-        lines = [f"schema = {toml_value(SCHEMA)}", f"name = {toml_value(self.name)}", ""]
-        lines += ["[network]", f"agents = {len(numbers)}", f"edges = [{', '.join(self._edges())}]"]
-        units = {str(name): str(unit) for name, unit in self.units.items()}
-        for title in TABLES:
-            table = self._initial() if title == "initial" else getattr(self, title)
-            lines += _lines(f"[{title}]", table, title, units)
-        for ids, described in self._described():
-            lines += _lines("[[agent]]", {"ids": ids, **described}, f"agent {ids[0]}", units)
-        return "\n".join(lines) + "\n"
+        network = {"agents": len(numbers), "edges": self._edges()}
+        tables = {title: self._initial() if title == "initial" else getattr(self, title) for title in TABLES}
+        return document(self.name, {"network": network, **tables}, self._described(), self.units)
 
     @cached_property
     def plant(self) -> Plant:
         """The plant that this file describes. Raises ``InputError``."""
-        return parse_plant(self.text.encode(), self.name)
+        plant = parse_plant(self._described_text.encode(), self.name)
+        return starting_in_own_boxes(plant, self._described())
 
-    def _edges(self) -> list[str]:
+    def _edges(self) -> list[Any]:
         numbers, graph = self.numbers, self.graph
         if graph.is_multigraph():
             raise InputError(f"{self.name}: graph: one edge from agent to agent is needed, not several")
@@ -134,24 +138,60 @@ class Network:
             arrow = f"{numbers[source]} -> {numbers[target]}"
             weight = data.get("weight", 1)
             plain = exact_number(weight, f"graph, edge {source} -> {target}") == 1
-            entries.append(toml_value(arrow if plain else [arrow, weight], f"graph, edge {source} -> {target}"))
+            entries.append(arrow if plain else [arrow, weight])
         return entries
 
     def _initial(self) -> Description:
         open_ones = () if "box" in self.initial else (key for key in DESIGNERS if key not in self.initial)
-        return {**self.initial, **dict.fromkeys(open_ones, 0)}
+        given = {**self.initial, **dict.fromkeys(open_ones, 0)}
+        if all(OWN_BOX in described for _, described in self._described()):
+            given = {"x": 0, "z": 0, **given}  # every agent brings its own
+        return given
 
-    def _described(self) -> list[tuple[list[int], Description]]:
+    def _described(self) -> list[Described]:
         numbers = self.numbers
         given: Mapping[Any, Any] = self.agents
         if "f" in given:
-            return [(list(numbers.values()), given)]
+            each = [[number] for number in numbers.values()] if OWN_BOX in given else [list(numbers.values())]
+            return [(ids, given) for ids in each]
         strangers = [node for node in given if node not in numbers]
         missing = [node for node in numbers if node not in given]
         if strangers or missing:
             where = f"{strangers[0]!r} is no node of the graph" if strangers else f"node {missing[0]!r} has none"
             raise InputError(f"{self.name}: agents: a description for every node is needed, {where}")
         return [([number], given[node]) for node, number in numbers.items()]
+
+
+def document(
+    name: str, tables: Mapping[str, Description], described: Iterable[Described], units: Mapping[Any, str] | None = None
+) -> str:
+    """The plant file with these tables and agents; boxes of single agents are left to :func:`starting_in_own_boxes`."""
+    named = {str(key): str(unit) for key, unit in (units or {}).items()}
+    lines = [f"schema = {toml_value(SCHEMA)}", f"name = {toml_value(name)}"]
+    for title, table in tables.items():
+        lines += _lines(f"[{title}]", table, title, named)
+    for ids, keys in described:
+        own = {key: value for key, value in keys.items() if key != OWN_BOX}
+        lines += _lines("[[agent]]", {"ids": ids, **own}, f"agent {ids[0]}", named)
+    return "\n".join(lines) + "\n"
+
+
+def starting_in_own_boxes(plant: Plant, described: Iterable[Described]) -> Plant:
+    """The plant with the boxes that descriptions of single agents bring along. Raises ``InputError``."""
+    boxes = {ids[0]: keys[OWN_BOX] for ids, keys in described if OWN_BOX in keys}
+    if not boxes:
+        return plant
+    agents = tuple(_starting_in(agent, boxes.get(agent.id, {})) for agent in plant.agents)
+    return with_source(replace(plant, agents=agents, source=b""))
+
+
+def _starting_in(agent: Agent, box: Mapping[str, Interval]) -> Agent:
+    """The agent with the sides of its initial box that the mapping has."""
+    z, x = (
+        tuple(box.get(name.name, side) for name, side in zip(names, sides, strict=True))
+        for names, sides in ((agent.zero_states, agent.initial.z), (agent.chain, agent.initial.x))
+    )
+    return replace(agent, initial=replace(agent.initial, z=z, x=x))
 
 
 def _lines(title: str, table: Description, where: str, units: Mapping[str, str]) -> list[str]:
