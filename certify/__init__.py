@@ -9,8 +9,9 @@
 'verified'
 
 A plant comes from a file (:func:`read_plant`), from SymPy expressions and a ``networkx.DiGraph`` (:class:`Network`,
-:func:`agent`), or from models of other shapes (:func:`affine_model`, :func:`from_state_space`). Every answer has a ``status``, an ``exit_code`` (that of the command
-line), a short text and a table for notebooks. Input that cannot be used raises :class:`InputError`.
+:func:`agent`), or from models of other shapes (:func:`affine_model`, :func:`from_state_space`).
+Every answer has a ``status``, an ``exit_code`` (that of the command line), a short text and a table for notebooks.
+Input that cannot be used raises :class:`InputError`.
 
 A name is loaded when it is first used: to import the door loads neither solvers nor drawings.
 """
