@@ -20,6 +20,8 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -107,8 +109,25 @@ def __getattr__(name: str) -> object:
     if home is None:
         raise AttributeError(f"module 'certify' has no attribute {name!r}")
     module, _, attribute = home.partition(":")
+    for package in ("symbolic", *(("sims", "reports") if module.startswith("reports.") else ())):
+        _require_own(package)
     globals()[name] = found = getattr(import_module(module), attribute)
     return found
+
+
+def _require_own(package: str) -> None:
+    """The rooms beside this package have plain names, which modules of the user's may bear too; theirs are left alone.
+
+    Raises ``ImportError`` that names the module in the way.
+    """
+    known = sys.modules.get(package)
+    spec = find_spec(package) if known is None else known.__spec__
+    origin = None if spec is None else spec.origin
+    if origin is None or Path(origin).resolve().parent != Path(__file__).resolve().parent.with_name(package):
+        raise ImportError(
+            f"certify needs its own package {package!r}, and {origin or 'another one'} bears that name: "
+            "rename it, or run from another folder"
+        )
 
 
 def __dir__() -> list[str]:
