@@ -16,6 +16,8 @@ import sys
 import time
 from dataclasses import dataclass, field
 
+from certify.lifetime import adopt_orphans, children, end_with, watched_through
+
 UNDECIDED = 3
 PATIENCE = 1.0  # seconds that a file being written gets, and then the processes to end: half of what the user waits
 _INTERRUPTIONS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
@@ -28,6 +30,7 @@ def main() -> int:
     heard = {number for number in _INTERRUPTIONS if signal.getsignal(number) != signal.SIG_IGN}
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # ignored, it would take the child's exit code with it
     signal.pthread_sigmask(signal.SIG_BLOCK, heard | {signal.SIGCHLD})
+    adopt_orphans()
     told, tell = os.pipe()
     parent, child = os.getpid(), os.fork()
     if child == 0:
@@ -45,8 +48,6 @@ def _command() -> int:
 
 def _watched(parent: int, tell: int, heard: set[signal.Signals]) -> int:
     """The child: signals are the parent's business, also those that a terminal sends to both."""
-    from certify.lifetime import end_with, watched_through
-
     end_with(parent)
     for number in heard:
         signal.signal(number, signal.SIG_IGN)
@@ -66,7 +67,9 @@ def _wait(child: int, told: int, heard: set[signal.Signals]) -> int:
         if ended:
             break
     if os.WIFSIGNALED(status):
-        _take_away(_Notes(told))
+        notes = _Notes(told)
+        _end_the_rest(notes)
+        _take_away(notes)
         return _killed(os.WTERMSIG(status))
     return os.WEXITSTATUS(status)
 
@@ -112,10 +115,21 @@ def _interrupt(child: int, told: int) -> None:
             break
         os.kill(child, signal.SIGCONT)
         notes.read(max(0.0, deadline - time.monotonic()))
-    deadline = time.monotonic() + PATIENCE / 2
-    while notes.read(max(0.0, deadline - time.monotonic())) and time.monotonic() < deadline:
-        pass
+    _end_the_rest(notes)
     _take_away(notes)
+
+
+def _end_the_rest(notes: _Notes) -> None:
+    """Workers end with their parent; what else has been started (a compiler) is an orphan now, and this one's child."""
+    deadline = time.monotonic() + PATIENCE / 2
+    while time.monotonic() < deadline:
+        orphans = children()
+        for orphan in orphans:
+            with contextlib.suppress(ProcessLookupError, ChildProcessError):
+                os.kill(orphan, signal.SIGKILL)
+                os.waitpid(orphan, 0)
+        if not orphans and not notes.read(0.01):  # the last that could have told has closed the pipe
+            return
 
 
 def _stopped(child: int) -> bool:

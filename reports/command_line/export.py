@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from certify.files import write_together
+from certify.files import temporary_folder, write_together
 from reports.command_line.arguments import CertificateArgument, FolderOption, JsonOption, PlantArgument
 from reports.command_line.inputs import given_pair
 from reports.command_line.outcome import Outcome, finish, naming
@@ -134,15 +134,13 @@ def _files(plant: Plant, made: Package, to: str) -> dict[str, bytes]:
 
 def _samples(plant: Plant, made: Package, python: dict[str, str]) -> str:
     """A run from the middle of the boxes, with what the exported Python writes, for the replay."""
-    import tempfile
-
     from sims.sampled_loop import centre, run_network
 
     per_round = sum(program.substeps for program in made.programs)
     moving = min(made.programs[0].coordinator.hold + 20, MOST_RECORDED // per_round)
     rounds = max(1, RECORDED // per_round, moving)
-    with tempfile.TemporaryDirectory() as folder:
-        make = {p.id: _agent(Path(folder), f"agent{p.id}", python) for p in made.programs}
+    with temporary_folder() as folder:
+        make = {p.id: _agent(folder, f"agent{p.id}", python) for p in made.programs}
         periods = {p.id: p.period for p in made.programs}
         period = made.programs[0].period * made.programs[0].substeps
         run = run_network(plant, make, periods, period, centre(plant), rounds)
