@@ -12,6 +12,7 @@ from reports.command_line.inputs import given_plant
 from reports.command_line.outcome import Outcome, finish
 from reports.command_line.outputs import deliver, require_file
 from reports.command_line.steps import Steps
+from symbolic.errors import one_line
 
 ModelArgument = Annotated[
     Path, typer.Argument(metavar="MODEL", help="Model file (TOML); - for stdin.", show_default=False)
@@ -38,10 +39,11 @@ def command(
     with Steps().step("normal form") as report:
         found = read_model(file.data, file.name)
         report("found")
-    made = deliver(output, found.plant.source)
     coordinates = {
         str(number): {str(new): str(expr) for new, expr in form.coordinates.items()}
         for number, form in sorted(found.forms.items())
     }
     lines = [f"agent {number}: {new} = {expr}" for number, row in coordinates.items() for new, expr in row.items()]
+    header = "".join(f"# {line}\n" for line in [f"in normal form from {one_line(file.name)}, with", *lines])
+    made = deliver(output, header.encode() + b"\n" + found.plant.source)
     finish(Outcome("holds", {"coordinates": coordinates}, "\n".join(lines)), as_json, made)

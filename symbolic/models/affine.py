@@ -9,7 +9,7 @@ from typing import Any
 import sympy
 
 from symbolic.errors import InputError
-from symbolic.expression_text import float_value
+from symbolic.expression_text import float_value, without_time
 from symbolic.guards import Guard
 from symbolic.interval import Interval
 from symbolic.plant import symbol
@@ -120,6 +120,7 @@ class _Names:
         given = sympy.sympify(expr) if not isinstance(expr, str) else None
         if not isinstance(given, sympy.Expr):
             raise InputError(f"{where}: a SymPy expression is needed, found {type(expr).__name__}")
+        given = without_time(given)
         known = {*self.states, *map(str, self.parameters), *map(str, self.disturbances), *(["u"] if with_input else [])}
         unknown = sorted(str(name) for name in given.free_symbols if str(name) not in known)
         if unknown:

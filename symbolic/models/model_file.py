@@ -14,7 +14,7 @@ other tables; ``[initial]`` holds what is no agent's state. Expressions are pars
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from symbolic.agent_file import MAX_AGENT_CONSTANTS, MAX_PARAMETERS, agent_ids
 from symbolic.errors import InputError, Where, quoted
@@ -22,10 +22,10 @@ from symbolic.grammar import CONSTANTS, FUNCTIONS, NAME
 from symbolic.models.affine import INPUT, AffineModel
 from symbolic.models.normal_form import NormalForm, normal_form
 from symbolic.names import Scope
-from symbolic.network_description import Described, document, starting_in_own_boxes
+from symbolic.network_description import Described, document, reading, starting_in_own_boxes
 from symbolic.plant import COST_VARIABLE, Interval, Plant, symbol
 from symbolic.plant_file import KEYS as PLANT_KEYS
-from symbolic.plant_file import MAX_CONSTANTS, parse_plant
+from symbolic.plant_file import MAX_CONSTANTS
 from symbolic.tables import Table, Value, expression, interval, read_toml
 
 SCHEMA = "consensus-model/1"
@@ -69,7 +69,7 @@ def read_model(data: bytes, source: str) -> ModelNetwork:
     others = {key: value for key, value in root.entries.items() if key not in ("schema", "name", "agent", "initial")}
     start = {"x": 0, "z": 0, **root.table("initial").entries}
     text = document(frame.name, {**_tables(others), "initial": start}, described)
-    plant = starting_in_own_boxes(_reading(text, source), described)
+    plant = starting_in_own_boxes(reading(text, source), described)
     return ModelNetwork(plant, forms)
 
 
@@ -86,15 +86,7 @@ def _frame(root: Table, tables: list[Table], source: str) -> Plant:
     name = root.need("name", 'name = "two-motors"')
     if not isinstance(name, str):
         raise InputError(f"{source}: name: a string is needed")
-    return _reading(document(name, {**_tables(others), "initial": {"x": 0, **given}}, stand_in), source)
-
-
-def _reading(text: str, source: str) -> Plant:
-    """The plant of a text that the user has not written: messages give the key, but no line of it."""
-    try:
-        return parse_plant(text.encode(), source)
-    except InputError as error:
-        raise InputError(*(replace(problem, position=None) for problem in error.problems)) from None
+    return reading(document(name, {**_tables(others), "initial": {"x": 0, **given}}, stand_in), source)
 
 
 def _tables(entries: Mapping[str, Value]) -> dict[str, Mapping[str, Value]]:
