@@ -40,10 +40,12 @@ class CertifiedBox:
 @dataclass(frozen=True)
 class CertifiedRegion:
     """``uniform`` scales all sides of an agent by one factor, ``axes[k]`` only those of the ``k``-th plant state (of
-    every agent that has one); ``None`` where nothing larger than the plant file's own box was certified."""
+    every agent that has one); ``None`` where nothing larger than the plant file's own box was certified. ``stopped``
+    says by agent what the search ran into beyond the uniform one."""
 
     uniform: CertifiedBox | None
     axes: tuple[CertifiedBox | None, ...]
+    stopped: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -77,10 +79,12 @@ def certified_region(
         return NoRegion("; ".join(one for one in boxes if isinstance(one, str)))
     agents = [one for one in boxes if isinstance(one, Growing)]
     growing = [one.boxes for one in agents]
-    uniform, axes = [], []
+    uniform, axes, stopped = [], [], []
     for agent, one in zip(plant.agents, growing, strict=True):
         report(f"agent {agent.id}: all sides")
-        uniform.append(_factors(one, one.uniform(), None))
+        largest = one.uniform()
+        uniform.append(_factors(one, largest, None))
+        stopped.append("" if largest is None else largest.stopped)
     for axis in range(max(len(one.wide) for one in growing)):
         row = []
         for agent, one in zip(plant.agents, growing, strict=True):
@@ -89,7 +93,8 @@ def certified_region(
             row.append(_factors(one, grown, axis))
         axes.append(row)
     together = Network(plant, prepared, agents, certificate["theorem"], report)
-    return CertifiedRegion(together.certified(uniform), tuple(together.certified(row) for row in axes))
+    boxes_by_axis = tuple(together.certified(row) for row in axes)
+    return CertifiedRegion(together.certified(uniform), boxes_by_axis, tuple(stopped))
 
 
 def _factors(boxes: InitialBoxes, grown: Grown | None, axis: int | None) -> Factors:
