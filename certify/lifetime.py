@@ -94,6 +94,11 @@ def undivided() -> Iterator[None]:
         _tell(b"]")
 
 
+def nearly_done() -> None:
+    """What is left (saying the result, going) should be done wholly, too."""
+    _tell(b"[")
+
+
 def _tell(line: bytes) -> None:
     if _watcher and len(line) < 4096:  # PIPE_BUF of Linux, and its longest path
         os.write(_watcher[0], line + b"\0")

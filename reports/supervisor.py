@@ -7,6 +7,7 @@ just writing is whole, and takes its workers with it (``certify.lifetime``). Not
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import os
 import select
@@ -15,6 +16,7 @@ import signal
 import sys
 import time
 from dataclasses import dataclass, field
+from typing import NoReturn
 
 from certify.lifetime import adopt_orphans, children, end_with, watched_through
 
@@ -35,7 +37,7 @@ def main() -> int:
     parent, child = os.getpid(), os.fork()
     if child == 0:
         os.close(told)
-        return _watched(parent, tell, heard)
+        _watched(parent, tell, heard)
     os.close(tell)
     return _wait(child, told, heard)
 
@@ -46,21 +48,28 @@ def _command() -> int:
     return command()
 
 
-def _watched(parent: int, tell: int, heard: set[signal.Signals]) -> int:
+def _watched(parent: int, tell: int, heard: set[signal.Signals]) -> NoReturn:
     """The child: signals are the parent's business, also those that a terminal sends to both."""
     end_with(parent)
     for number in heard:
         signal.signal(number, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, heard | {signal.SIGCHLD})
     watched_through(tell)
-    return _command()
+    code = _command()
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # the reader has gone; the exit code still tells
+            stream.flush()
+    os._exit(code)  # taking a hundred thousand objects apart one by one would take longer than many a command
 
 
 def _wait(child: int, told: int, heard: set[signal.Signals]) -> int:
     while True:
         number = signal.sigwait(heard | {signal.SIGCHLD})
         if number != signal.SIGCHLD:
-            _interrupt(child, told)
+            code = _interrupt(child, told)
+            if code is not None:
+                return code
             print(f"certify: interrupted by {signal.Signals(number).name}; nothing was left half done", file=sys.stderr)
             return 128 + number
         ended, status = os.waitpid(child, os.WNOHANG)
@@ -103,12 +112,21 @@ class _Notes:
             pass
 
 
-def _interrupt(child: int, told: int) -> None:
-    """End the child and all its workers, between two of its undivided parts if that is soon."""
+def _interrupt(child: int, told: int) -> int | None:
+    """End the child and all its workers, between two of its undivided parts if that is soon.
+
+    The exit code of a child that was so nearly done that it has ended by itself.
+    """
     notes = _Notes(told)
     deadline = time.monotonic() + PATIENCE
-    while _stopped(child):
+    while True:
+        os.kill(child, signal.SIGSTOP)  # so that it tells nothing new while it is judged
+        _, status = os.waitpid(child, os.WUNTRACED)
+        if os.WIFEXITED(status):
+            return os.WEXITSTATUS(status)
         notes.read_all()
+        if os.WIFSIGNALED(status):
+            break
         if not notes.busy or time.monotonic() > deadline:
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
@@ -117,6 +135,7 @@ def _interrupt(child: int, told: int) -> None:
         notes.read(max(0.0, deadline - time.monotonic()))
     _end_the_rest(notes)
     _take_away(notes)
+    return None
 
 
 def _end_the_rest(notes: _Notes) -> None:
@@ -130,13 +149,6 @@ def _end_the_rest(notes: _Notes) -> None:
                 os.waitpid(orphan, 0)
         if not orphans and not notes.read(0.01):  # the last that could have told has closed the pipe
             return
-
-
-def _stopped(child: int) -> bool:
-    """Stop the child, so that it tells nothing new while it is judged; ``False`` if it has ended."""
-    os.kill(child, signal.SIGSTOP)
-    _, status = os.waitpid(child, os.WUNTRACED)
-    return os.WIFSTOPPED(status)
 
 
 def _take_away(notes: _Notes) -> None:
