@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from typing import Any
 
 from certify.agent_model import Matrix
 from certify.certificate import SCHEMA, Json, number, numbers, rows
 from certify.coordinator.design import CoordinatorDesign
-from symbolic.controller import AgentController, CoordinatorGains
+from symbolic.controller import COORDINATOR_KEYS, AgentController
 from symbolic.plant import Interval, Plant, Requirements
-
-COORDINATOR_KEYS = tuple(field.name for field in fields(CoordinatorGains))
 
 
 def network_certificate(

@@ -12,7 +12,8 @@ def unproved_feature(plant: Plant, proved: Set[str]) -> str:
     ``proved`` are the tables that the route can prove."""
     if plant.implementations:
         return (
-            "[implementation]: nothing is proved about a sampled controller yet; without the table a continuous one is"
+            "[implementation]: nothing is proved about a sampled controller yet; without the table a continuous one "
+            "is, and certify export --period samples it, unproved"
         )
     for agent in plant.agents:
         if "requirements" not in proved and plant.requirements_of(agent.id) != Requirements():

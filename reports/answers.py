@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from certify.files import write_atomically
+from certify.files import write_atomically, write_together
 from reports.runs import LAST
 from symbolic.answers import Answer, Rows
 from symbolic.errors import InputError
@@ -18,6 +18,7 @@ from symbolic.plant import Interval, Plant
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from certify.export.package import Package
     from certify.region import CertifiedRegion
     from sims.closed_loop import Trajectory
     from sims.falsifier import FalsifierResult
@@ -113,6 +114,26 @@ class Report(Answer):
     def save(self, path: str | Path) -> None:
         """Raises ``InputError`` where the file cannot be written."""
         write_atomically(Path(path), self.pdf)
+
+
+@dataclass(frozen=True, repr=False)
+class Export(Answer):
+    """Code of a certified controller: the contents of ``files`` by name. ``verified`` is the certificate; the periods
+    are not (docs/export.md). ``rejected`` without files where the checker does not accept it."""
+
+    status: Literal["verified", "rejected"]
+    reason: str
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    package: Package | None = None
+
+    def said(self) -> list[str]:
+        if self.package is None:
+            return [self.reason]
+        return [*self.package.notice, f"claim {self.package.digest}"]
+
+    def save(self, folder: str | Path) -> None:
+        """Raises ``InputError`` where the files cannot be written."""
+        write_together(Path(folder), dict(self.files))
 
 
 @dataclass(frozen=True, repr=False)

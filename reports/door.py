@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from certify.door import CertificateLike, PlantLike, given_certificate, given_plant
 from certify.files import require_writable
-from reports.answers import Falsification, Region, Report, Simulation
+from reports.answers import Export, Falsification, Region, Report, Simulation
 from reports.command_line.inputs import Given
 from reports.command_line.outcome import naming
 from reports.command_line.steps import Steps
@@ -104,6 +105,41 @@ def report(
     made = reported(given_plant(plant), proof, (), Steps(progress or _unheard))
     if path is not None:
         made.save(path)
+    return made
+
+
+def export(
+    plant: PlantLike,
+    certificate: CertificateLike,
+    folder: str | Path | None = None,
+    *,
+    to: Literal["c", "python", "fmi"] = "c",
+    period: Fraction | None = None,
+    coordinator_period: Fraction | None = None,
+    arithmetic: Literal["double", "single"] | None = None,
+    progress: Listener | None = None,
+) -> Export:
+    """The controller of a verified certificate as code; written to ``folder`` if one is given (docs/export.md).
+
+    Periods, in the plant's unit of time, are those of the plant, or chosen. Nothing is proved about sampling. Raises
+    ``InputError``.
+    """
+    from certify.export.package import Options
+    from reports.exporting import exported
+
+    if to not in ("c", "python", "fmi") or arithmetic not in (None, "double", "single"):
+        raise InputError("export: to is one of c, python, fmi, and arithmetic one of double, single")
+    if any(value is not None and not value > 0 for value in (period, coordinator_period)):
+        raise InputError("export: periods are positive")
+    given = Given("the certificate", given_certificate(certificate))
+    options = Options(
+        None if period is None else Fraction(period),
+        None if coordinator_period is None else Fraction(coordinator_period),
+        arithmetic,
+    )
+    made = exported(given_plant(plant), given, to, options, Steps(progress or _unheard))
+    if folder is not None and made.package is not None:
+        made.save(folder)
     return made
 
 

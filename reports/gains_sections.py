@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from certify.network_certificate import COORDINATOR_KEYS
 from certify.statement.claim import CertifiedGains
 from certify.statement.numbers import fraction
 from certify.statement.tube import Tube
@@ -14,6 +13,7 @@ from reports import cells, tables
 from reports.designs import chosen_designs
 from reports.study import Study
 from reports.typst_math import number
+from symbolic.controller import COORDINATOR_KEYS
 from symbolic.plant import RequestedGains
 
 if TYPE_CHECKING:

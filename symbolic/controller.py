@@ -52,6 +52,9 @@ class CoordinatorGains:
         return self.mixing_time > 0
 
 
+COORDINATOR_KEYS = tuple(CoordinatorGains.__dataclass_fields__)
+
+
 @dataclass(frozen=True)
 class Controller:
     """The coordinator and one decentralised controller per agent, in the order of the agents."""

@@ -33,6 +33,7 @@ MAX_DEGREE = 32
 MAX_COEFFICIENT = 1 << 256
 
 Row = tuple[Fraction, ...]
+Texts = tuple[str, ...]
 Modes = Matrix
 Blocks = tuple[int, ...]
 Rates = Row
@@ -45,16 +46,6 @@ Ranges = tuple[Matrix, ...]
 Curve = tuple[tuple[tuple[int, ...], ...], ...]
 T = TypeVar("T")
 _NUMBER = re.compile(r"(0|-?[1-9][0-9]*)(?:/([1-9][0-9]*))?")
-
-
-@dataclass(frozen=True)
-class Root:
-    """``[lo, hi]`` around the only zero of ``f0``: a component of ``z*`` without closed form."""
-
-    root: Row
-
-
-SteadyState = tuple[str | Root, ...]
 
 
 @dataclass(frozen=True)
@@ -148,7 +139,7 @@ class AgentWitness:
     """Steady state, immersion, Lyapunov matrices, level and weights of one agent."""
 
     id: int
-    steady_state: SteadyState
+    steady_state: Texts
     ell: Row
     V0: Matrix
     P1: Matrix
@@ -215,7 +206,7 @@ class DirectAgentWitness:
     """
 
     id: int
-    steady_state: SteadyState
+    steady_state: Texts
     ell: Row
     nominal: NominalSlopes
     modes: Modes
@@ -358,11 +349,6 @@ def _coefficients(value: Any) -> tuple[int, ...]:
     return found
 
 
-def _component(value: Any) -> str | Root:
-    root: Root | None = _table(Root, value) if isinstance(value, dict) else None
-    return _text(value) if root is None else root
-
-
 def _canonical(value: Any) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
@@ -377,7 +363,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "Fraction": _number,
     "Fraction | None": lambda value: None if value is None else _number(value),
     "Row": _row,
-    "SteadyState": lambda value: tuple(map(_component, _list(value))),
+    "Texts": lambda value: tuple(map(_text, _list(value))),
     "Matrix": _matrix,
     "Exosystem | None": lambda value: None if value is None else _table(Exosystem, value),
     "Settling | None": lambda value: None if value is None else _table(Settling, value),

@@ -2,36 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil
-from typing import Any
 
 import numpy as np
+from flint import ctx
 
-from certify.export.formats import DOUBLE, Constant, constant
+from certify.bounds.conversions import rational_ball
+from certify.export.formats import DOUBLE, PRECISION, Constant, constant
 from certify.export.gradient import gradient
 from certify.export.statements import Let
+from symbolic.controller import CoordinatorGains
 from symbolic.errors import InputError
 from symbolic.network import laplacian
 from symbolic.plant import Plant
 
-MIXED = 2.0**-40  # relative; after as many rounds again it is the square of that, nearer than a double gets
+MIXED = 2.0**-46  # relative: nearer to its limit rounding does not let it come
 MOST_ROUNDS = 2**40
 LATE = 16  # rounds by which a message may be late, besides those by which the start spreads
-
-
-@dataclass(frozen=True)
-class CoordinatorGains:
-    """``α1, α2, κ, β, t_mix, ν`` of a claim; those that it does not have are the paper's."""
-
-    alpha1: Fraction
-    alpha2: Fraction
-    gradient_gain: Fraction
-    mixing_gain: Fraction
-    mixing_time: Fraction
-    softening: Fraction
 
 
 @dataclass(frozen=True)
@@ -64,36 +53,21 @@ class CoordinatorProgram:
     slope: tuple[Let, ...]
 
 
-def coordinator_gains(claim: Mapping[str, Any]) -> CoordinatorGains:
-    """Of a verified claim."""
-
-    def read(key: str, default: int = 0) -> Fraction:
-        return Fraction(claim.get(key) or default)
-
-    return CoordinatorGains(
-        read("alpha1"),
-        read("alpha2"),
-        read("gradient_gain", 1),
-        read("mixing_gain", 1),
-        read("mixing_time"),
-        read("softening"),
-    )
-
-
 def coordinator(plant: Plant, gains: CoordinatorGains, period: Fraction) -> Coordinator:
-    """Raises ``InputError`` if ``ξ`` could become zero or negative with this period."""
-    beta = gains.mixing_gain
+    """Where the references wait for ``ξ``, it mixes as fast as the period allows, and they wait for as long as that
+    takes; else ``β`` is the claim's.
+
+    Raises ``InputError`` if ``ξ`` could become zero or negative with this period.
+    """
     L = laplacian(plant.digraph)
     degree = max(row[i] for i, row in enumerate(L))
+    beta = min(gains.mixing_gain, 1 / (2 * period * degree)) if gains.held else gains.mixing_gain
     if not beta * period * degree < 1:
         limit = 1 / (beta * degree)
         raise InputError(f"coordinator.period: {period} is too long: xi stays positive for less than {limit}")
-    return Coordinator(
-        period,
-        gains,
-        hold=ceil(gains.mixing_time / period),
-        mixing=_rounds(np.array(L, dtype=float) * float(beta * period)),
-    )
+    mixing = _rounds(np.array(L, dtype=float) * float(beta * period))
+    hold = max(ceil(gains.mixing_time / period), mixing) if gains.held else 0
+    return Coordinator(period, replace(gains, mixing_gain=beta), hold, mixing)
 
 
 def coordinator_program(plant: Plant, shared: Coordinator, number: int) -> CoordinatorProgram:
@@ -108,7 +82,8 @@ def coordinator_program(plant: Plant, shared: Coordinator, number: int) -> Coord
     }
     constants = [constant(name, meaning, value, DOUBLE) for name, (meaning, value) in named.items()]
     if shared.gains.softening:
-        decay = Fraction(float(np.exp(-float(shared.gains.softening * shared.period))))
+        with ctx.workprec(PRECISION):
+            decay = rational_ball(-shared.gains.softening * shared.period).exp()
         constants.append(constant("SOFTER", "decay of the soft start in one round", decay, DOUBLE))
     slope_constants, slope = gradient(plant.agents[number - 1].cost)
     return CoordinatorProgram(
@@ -126,10 +101,19 @@ def coordinator_program(plant: Plant, shared: Coordinator, number: int) -> Coord
 
 
 def _rounds(scaled: np.ndarray) -> int:
-    """Rounds after which ``(I − βτ_c L)^k`` is its limit ``1 rᵀ`` up to rounding: a power of two, by squaring."""
-    power, rounds = np.eye(len(scaled)) - scaled, 1
-    while rounds < MOST_ROUNDS:
-        if np.ptp(power, axis=0).max() <= MIXED * np.abs(power).min():
-            return 2 * rounds
-        power, rounds = power @ power, 2 * rounds
-    raise InputError("coordinator.period: xi mixes too slowly in rounds of this length")
+    """The first ``k`` for which ``(I − βτ_c L)^k`` is its limit up to ``MIXED``, relative to its least entry."""
+    powers = [np.eye(len(scaled)) - scaled]
+    while not _mixed(powers[-1]):
+        if 2 ** len(powers) > MOST_ROUNDS:
+            raise InputError("coordinator.period: xi mixes too slowly in rounds of this length")
+        powers.append(powers[-1] @ powers[-1])
+    product, rounds = np.eye(len(scaled)), 0  # the largest number of rounds that is not enough, bit by bit
+    for k in reversed(range(len(powers) - 1)):
+        longer = product @ powers[k]
+        if not _mixed(longer):
+            product, rounds = longer, rounds + 2**k
+    return rounds + 1
+
+
+def _mixed(power: np.ndarray) -> bool:
+    return bool(np.ptp(power, axis=0).max() <= MIXED * np.abs(power).min())

@@ -9,11 +9,11 @@ from fractions import Fraction
 from typing import Any
 
 from certify.export.agent_program import AgentProgram, State, agent_program, middle
-from certify.export.coordination import coordinator, coordinator_gains, coordinator_program
+from certify.export.coordination import Coordinator, coordinator, coordinator_program
 from certify.export.formats import DOUBLE, FORMATS, Arithmetic, Constant, constant
-from certify.export.periods import coordinator_period, sampling_period
+from certify.export.periods import coordinator_period, longest_round, round_number, sampling_period
 from certify.export.sampled_stability import SampledLoop, sampled_loops
-from symbolic.controller import Controller
+from symbolic.controller import Controller, CoordinatorGains
 from symbolic.errors import InputError
 from symbolic.plant import Plant
 
@@ -33,6 +33,7 @@ class Package:
 
     programs: tuple[AgentProgram, ...]
     digest: str
+    theorem: str
     notice: tuple[str, ...]
 
 
@@ -46,14 +47,17 @@ def package(
     asked = [plant.implementation_of(agent.id) for agent in plant.agents]
     chosen = options.period is None and all(part is None for part in asked)
     loops = sampled_loops(plant, controller)
-    common = sampling_period(plant.agents, controller.agents, loops) if chosen else options.period
+    gains = controller.coordinator
+    longest = longest_round(plant, gains)
+    common = options.period
+    if chosen:
+        common = min(sampling_period(plant.agents, controller.agents, loops), round_number(longest))
     periods = [common if part is None or common is not None else part.period for part in asked]
-    gains = coordinator_gains(claim)
     for agent, loop, period in zip(plant.agents, loops, _known(periods), strict=True):
         _require_stable(agent.id, loop, period)
     rounds = options.coordinator_period or plant.coordinator.period
     if rounds is None:
-        rounds = coordinator_period(plant, gains, max(_known(periods)))
+        rounds = coordinator_period(longest, max(_known(periods)))
     shared = coordinator(plant, gains, rounds)
     entries = {int(entry["id"]): entry for entry in claim["agents"]}
     programs = []
@@ -73,7 +77,7 @@ def package(
                 start,
             )
         )
-    return Package(tuple(programs), digest, tuple(_notice(plant, theorem, chosen)))
+    return Package(tuple(programs), digest, theorem, tuple(_notice(plant, theorem, chosen, shared, gains)))
 
 
 def _require_stable(agent: int, loop: SampledLoop, period: Fraction) -> None:
@@ -91,13 +95,20 @@ def _known(periods: Sequence[Fraction | None]) -> list[Fraction]:
     return [period for period in periods if period is not None]
 
 
-def _notice(plant: Plant, theorem: str, chosen: bool) -> list[str]:
+def _notice(plant: Plant, theorem: str, chosen: bool, shared: Coordinator, claimed: CoordinatorGains) -> list[str]:
     """What is proved about this code and what is not."""
-    by = "a rule of thumb (at least 20 samples per period of the fastest pole)" if chosen else "the user"
+    by = "a rule of thumb (docs/export.md)" if chosen else "the user"
+    waits = shared.hold * shared.period
+    longer = (
+        [f"The references wait {float(waits):.4g} for the mixing layer, the claim's {float(claimed.mixing_time):.4g}."]
+        if waits > claimed.mixing_time + shared.period
+        else []
+    )
     return [
         f"The theorem {theorem} proves the claim for the controller in continuous time.",
         f"Nothing is proved about sampling: the period was chosen by {by}.",
         "Nor about delay, noise, converters, rounding, or messages that are late or lost.",
+        *longer,
         f"Units: those of the plant file (sha256 {plant.sha256}), periods in its unit of time.",
     ]
 

@@ -9,17 +9,16 @@ from fractions import Fraction
 import numpy as np
 
 from certify.curvature import Curvature, cost_curvature
-from certify.export.coordination import CoordinatorGains
 from certify.export.sampled_stability import SampledLoop
-from symbolic.controller import AgentController
+from symbolic.controller import AgentController, CoordinatorGains
 from symbolic.errors import InputError
-from symbolic.network import laplacian
+from symbolic.network import laplacian, left_null_vector
 from symbolic.plant import Agent, Plant
 
-SAMPLES_PER_PERIOD = 20  # of the fastest pole: the usual rule asks for 10 to 20
+SAMPLES_PER_PERIOD = 20  # of the fastest rate: the usual rule asks for 10 to 20
 MARGIN = 5  # between the period and one at which the linearised sampled loop looks stable
 MOST_SHORTENINGS = 30  # ten decades
-ROUNDS_PER_TIME_CONSTANT = 4  # of the fastest rate of the coordinator; Euler itself would bear one half
+ROUNDS_PER_TIME_CONSTANT = 2  # of a bound on the fastest rate of the coordinator; Euler itself would bear one half
 
 
 def sampling_period(agents: Sequence[Agent], laws: Sequence[AgentController], loops: Sequence[SampledLoop]) -> Fraction:
@@ -33,20 +32,28 @@ def sampling_period(agents: Sequence[Agent], laws: Sequence[AgentController], lo
     raise InputError("no sampling period was found for which the sampled loop looks stable; give one by --period")
 
 
-def coordinator_period(plant: Plant, gains: CoordinatorGains, period: Fraction) -> Fraction:
-    """A multiple of ``period``; ``gains`` are the claim's."""
+def longest_round(plant: Plant, gains: CoordinatorGains) -> float:
+    """A period of the coordinator on the safe side, in seconds; ``gains`` are the claim's."""
     L = np.array(laplacian(plant.digraph), dtype=float)
     degree = float(L.diagonal().max())
     found = [cost_curvature(agent.cost) for agent in plant.agents]
     curvature = max(float(c.upper) for c in found if isinstance(c, Curvature))
-    damping = float(gains.gradient_gain) * curvature / _least_share(L)
+    damping = float(gains.gradient_gain) * curvature / _least_share(plant, L, gains.held)
     fastest = 2 * float(gains.alpha1) * degree + float(gains.alpha2) + damping
-    fastest = max(fastest, 2 * float(gains.mixing_gain) * degree)
-    return max(1, int(1 / (ROUNDS_PER_TIME_CONSTANT * fastest) / float(period))) * period
+    if not gains.held:  # else the mixing layer takes the time that it needs
+        fastest = max(fastest, 2 * float(gains.mixing_gain) * degree)
+    return 1 / (ROUNDS_PER_TIME_CONSTANT * fastest)
 
 
-def _least_share(L: np.ndarray) -> float:
-    """About the least ``ξ_i^i`` on the way from 1 to ``r_i``."""
+def coordinator_period(longest: float, period: Fraction) -> Fraction:
+    """The largest multiple of ``period`` that is not above ``longest``, and ``period`` itself if there is none."""
+    return max(1, int(longest / float(period))) * period
+
+
+def _least_share(plant: Plant, L: np.ndarray, held: bool) -> float:
+    """About the least ``ξ_i^i`` while the references move: ``r_i`` where they wait for it, else on the way from 1."""
+    if held:
+        return float(min(left_null_vector(plant.digraph)))
     step = np.eye(len(L)) - L / (8 * L.diagonal().max())
     X, least = np.eye(len(L)), 1.0
     for _ in range(64 * len(L)):
@@ -56,12 +63,11 @@ def _least_share(L: np.ndarray) -> float:
 
 
 def _fastest(agent: Agent, law: AgentController) -> float:
-    """In rad/s: poles of the observer, ``bK``, ``g``, and the poles of the internal model with its input open and
-    closed."""
+    """In rad/s: ``bK``, ``g``, and the poles of the internal model with its input open and closed.
+
+    Not those of the observer: in discrete time it has them at any period, and the faster they are the nearer to 0.
+    """
     rates = [float(law.g), float(law.K) * _largest_gain(agent)]
-    if law.h is not None:
-        roots = np.roots([1.0, *(float(c) for c in reversed(law.observer))])
-        rates.append(float(law.h) * float(np.abs(roots).max()))
     if law.N:
         M, N, psi = (np.array(part, dtype=float) for part in (law.M, law.N, law.psi))
         rates += [float(np.abs(np.linalg.eigvals(A)).max()) for A in (M, M + np.outer(N, psi))]

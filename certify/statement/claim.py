@@ -9,23 +9,21 @@ from typing import Any
 
 from certify.certificate import claim_digest
 from certify.checker.certificate import CoordinatorWitness, coordinator_witness
-from certify.network_certificate import COORDINATOR_KEYS
 from certify.routes import route_of_theorem
 from certify.statement.exact_numbers import Matrix, Row, exact, exact_matrix, exact_row
 from certify.statement.numbers import floor_log10
 from certify.statement.tube import Tube, tube
-from symbolic.controller import Controller, CoordinatorGains
-from symbolic.plant import Interval, Requirements, Settling
+from symbolic.controller import COORDINATOR_KEYS, Controller, CoordinatorGains
+from symbolic.plant import Interval
 
 SIMULABLE_UP_TO = 9
-NOTHING_ASKED = Requirements()
 MATRICES = ("V0", "P1", "P2", "P3")
 
 
 @dataclass(frozen=True)
 class AgentClaim:
-    """Gains of the claim and matrices of the witness of one agent; ``observer``, ``psi``, ``N``, ``tube`` and the
-    ``requirements`` are there where the route proves a tube.
+    """Gains of the claim and matrices of the witness of one agent; ``observer``, ``psi``, ``N`` and ``tube`` are there
+    where the route proves a tube.
 
     ``level`` is that of the Lyapunov function, or the largest bound of ``ϑ̃`` from ``T1`` on; ``rate`` the tube's at
     last.
@@ -43,7 +41,6 @@ class AgentClaim:
     psi: Row = ()
     N: Row = ()
     tube: Tube | None = None
-    requirements: Requirements = NOTHING_ASKED
 
 
 @dataclass(frozen=True)
@@ -163,16 +160,6 @@ def _with_tube(found: AgentClaim, claim: Mapping[str, Any], witness: Mapping[str
         psi=psi,
         N=N,
         tube=boxes,
-        requirements=_requirements(claim["requirements"]),
-    )
-
-
-def _requirements(claimed: Mapping[str, Any]) -> Requirements:
-    settling, limit, bandwidth = (claimed[key] for key in ("settling", "input", "bandwidth"))
-    return Requirements(
-        None if settling is None else Settling(exact(settling["time"]), exact(settling["band"])),
-        None if limit is None else exact(limit),
-        None if bandwidth is None else exact(bandwidth),
     )
 
 

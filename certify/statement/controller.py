@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from certify.network_certificate import COORDINATOR_KEYS
 from certify.statement.exact_numbers import exact, exact_matrix, exact_row
-from symbolic.controller import AgentController, Controller, CoordinatorGains
+from symbolic.controller import COORDINATOR_KEYS, AgentController, Controller, CoordinatorGains
 from symbolic.errors import InputError
 from symbolic.plant import Plant
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
-from certify.network_certificate import COORDINATOR_KEYS
 from certify.statement.numbers import with_log10
+from symbolic.controller import COORDINATOR_KEYS
 
 COLUMNS = ("g", "K", "delta", "h")
 
