@@ -9,7 +9,6 @@ import typer
 
 from certify.files import write_together
 from certify.routes import DEFAULT
-from certify.statement.gains_table import gains_table
 from reports.command_line.arguments import FolderOption, JsonOption, PlantArgument, RouteOption, SchedulerOption
 from reports.command_line.drawing import prepare_drawing
 from reports.command_line.inputs import given_plant
@@ -108,6 +107,7 @@ def results(study: Study) -> dict[str, bytes | None]:
 
 def outcome(study: Study) -> Outcome:
     """The conclusion of the report's first page, with the gains and the claim it is about."""
+    from certify.statement.gains_table import gains_table
     from reports.cross_checked import search_fields
     from reports.designs import chosen_designs
     from reports.details import details
