@@ -20,6 +20,9 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import sympy
+
+from certify.optimum import optimum
 from certify.pipeline import GainsResult, design_gains
 from certify.statement.bounds import ProvedBounds, proved_bounds
 from certify.statement.claim import certified_gains
@@ -40,7 +43,9 @@ def bounds(plant: Plant, result: GainsResult) -> ProvedBounds:
     certified = certified_gains(result.certificate)
     if certified is None or result.envelope is None:
         raise ValueError(result.reason)
-    found = proved_bounds(plant, derive(plant, COST_VARIABLE), certified, result.envelope)
+    best = optimum(plant).exact
+    s_star = COST_VARIABLE if best is None else sympy.Rational(best.numerator, best.denominator)
+    found = proved_bounds(plant, derive(plant, s_star), certified, result.envelope)
     if isinstance(found, str):
         raise ValueError(found)
     return found

@@ -74,7 +74,9 @@ class AgentModel:
 
     ``steady_state`` is ``z*`` in ``(s, v, parameters)``; ``optimum`` encloses ``s*``; ``disturbance`` encloses every
     ``v(t)``, ``|g·v(t)|² ≤ gᵀ extent g`` for every row ``g``, and ``exosystem.initial`` encloses every ``v(0)``.
-    ``scales`` are the units that all of it is in, ``None`` for those of the plant file.
+    ``roots`` has an interval for every component of ``z*`` that has no closed form: in ``steady_state`` a parameter of
+    ``agent`` stands for it (``bounds.roots``). ``scales`` are the units that all of it is in, ``None`` for those of the
+    plant file.
     """
 
     agent: Agent
@@ -88,6 +90,7 @@ class AgentModel:
     extent: Matrix
     references: References
     scales: Scales | None = None
+    roots: tuple[Interval | None, ...] = ()
     _cache: dict[tuple[object, ...], Fraction] = field(default_factory=dict, compare=False, repr=False)
 
     @property

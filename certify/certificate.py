@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import sympy
 
 from certify.files import write_atomically
 from symbolic.errors import InputError
+from symbolic.interval import Interval
 
 SCHEMA = "consensus-certificate/1"
 LARGEST_FILE = 16 << 20
@@ -37,6 +38,15 @@ def rows(matrix: Iterable[Iterable[Fraction]]) -> list[list[str]]:
 def expression(value: sympy.Expr) -> str:
     """An expression in the language of the plant file."""
     return sympy.sstr(value)
+
+
+def steady_state(components: Sequence[sympy.Expr], roots: Sequence[Interval | None]) -> list[Any]:
+    """``z*`` as a witness: an expression each, or the interval of a root."""
+    sides = roots or (None,) * len(components)
+    return [
+        expression(component) if side is None else {"root": numbers((side.lo, side.hi))}
+        for component, side in zip(components, sides, strict=True)
+    ]
 
 
 def canonical(value: Any) -> bytes:

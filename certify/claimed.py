@@ -10,7 +10,7 @@ from certify.assumptions.check import check_assumptions
 from certify.preparation import Prepared, Report, Stopped, prepare
 from certify.routes import ROUTES
 from certify.statement.exact_numbers import exact, exact_matrix, exact_row
-from symbolic.plant import Agent, CoordinatorChoice, InternalModelChoice, Plant
+from symbolic.plant import Agent, CoordinatorChoice, InternalModelChoice, Plant, RequestedGains
 
 
 def claimed_network(plant: Plant, claim: Mapping[str, Any], report: Report) -> Prepared | Stopped:
@@ -22,6 +22,12 @@ def claimed_network(plant: Plant, claim: Mapping[str, Any], report: Report) -> P
     return prepare(
         designed, check_assumptions(plant), report, route.proved_on_the_way, route.resolution, proved=route.proves
     )
+
+
+def claimed_gains(entry: Mapping[str, Any]) -> RequestedGains:
+    """The gains of one agent of a claim."""
+    h = None if entry["h"] is None else exact(entry["h"])
+    return RequestedGains(exact(entry["g"]), exact(entry["K"]), exact(entry["delta"]), h)
 
 
 def _designed(agent: Agent, entry: Mapping[str, Any]) -> Agent:

@@ -78,10 +78,13 @@ def given_plant(plant: PlantLike) -> Plant:
     """The plant with the bytes a certificate can be bound to, however it was given. Raises ``InputError``."""
     if isinstance(plant, str | Path):
         return load_plant(plant)
-    return with_source(plant.plant if isinstance(plant, Network) else plant)
+    given: object = plant.plant if isinstance(plant, Network) else plant
+    if not isinstance(given, Plant):
+        raise InputError(f"a plant, a Network or the path of a plant file is needed, found {type(given).__name__}")
+    return with_source(given)
 
 
-def given_certificate(certificate: CertificateLike) -> bytes:
+def given_certificate(certificate: CertificateLike | object) -> bytes:
     """The bytes of a certificate. Raises ``InputError`` where there is none."""
     if isinstance(certificate, bytes):
         return certificate
@@ -91,6 +94,9 @@ def given_certificate(certificate: CertificateLike) -> bytes:
         return certificate_bytes(certificate.certificate)
     if isinstance(certificate, Mapping):
         return certificate_bytes(dict(certificate))
+    if not isinstance(certificate, str | Path):
+        found = type(certificate).__name__
+        raise InputError(f"what gains() returns, or the path of a certificate, is needed, found {found}")
     try:
         with Path(certificate).open("rb") as file:
             return file.read(LARGEST_FILE + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from certify.lifetime import finished, undivided, unfinished
@@ -75,6 +75,17 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be made a folder: {error.strerror}") from error
+
+
+@contextlib.contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A folder that is gone afterwards, also when the command is interrupted in between."""
+    with undivided():
+        folder = tempfile.TemporaryDirectory(prefix="certify-")
+        unfinished(Path(folder.name))
+    with folder:
+        yield Path(folder.name)
+    finished(Path(folder.name))
 
 
 def _staged(path: Path, data: bytes) -> Path:

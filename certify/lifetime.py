@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-_PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
+_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36  # <linux/prctl.h>
 _LOOKING = 0.5  # seconds between two looks at the parent where the kernel does not tell
 
 _watcher: list[int] = []
@@ -39,6 +39,28 @@ def end_with(parent: int) -> None:
         threading.Thread(target=_look_for, args=(parent,), daemon=True).start()
     if os.getppid() != parent:  # it ended before the kernel knew
         os._exit(1)
+
+
+def adopt_orphans() -> None:
+    """Become the parent of what descendants leave behind, such as a compiler at work; only Linux can."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)
+
+
+def children() -> list[int]:
+    """The living and dead processes whose parent this one is, where /proc tells."""
+    found = []
+    for name in os.listdir("/proc") if os.path.isdir("/proc/self") else ():
+        try:
+            with open(f"/proc/{int(name)}/stat", "rb") as file:
+                parent = int(file.read().rsplit(b")", 1)[1].split()[1])
+        except (OSError, ValueError):  # no process, or one that has ended
+            continue
+        if parent == os.getpid():
+            found.append(int(name))
+    return found
 
 
 def _look_for(parent: int) -> None:
@@ -70,6 +92,11 @@ def undivided() -> Iterator[None]:
         yield
     finally:
         _tell(b"]")
+
+
+def nearly_done() -> None:
+    """What is left (saying the result, going) should be done wholly, too."""
+    _tell(b"[")
 
 
 def _tell(line: bytes) -> None:

@@ -10,6 +10,7 @@ import sympy
 from certify.agent_model import AgentModel, References
 from certify.assumptions.findings import CheckReport
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
+from certify.bounds.roots import root_brackets, with_roots
 from certify.coordinator.design import CoordinatorDesign, design_coordinator, gradients_at
 from certify.coordinator.nominal import cost_gradient
 from certify.coordinator.resolution import FINE, Resolution
@@ -128,8 +129,11 @@ def _agent_model(
     data = internal_model_data(model, steady.u_star, plant.exosystem)
     if data is None:
         return "the internal model has irrational entries, and the exact steps of this route need rational ones"
+    roots = root_brackets(derived.agent, steady, found.enclosure)
+    if isinstance(roots, str):
+        return roots
     return AgentModel(
-        agent=derived.agent,
+        agent=with_roots(derived.agent, roots),
         exosystem=plant.exosystem,
         steady_state=steady.z_star,
         internal_model=data,
@@ -139,6 +143,7 @@ def _agent_model(
         disturbance=disturbance.box,
         extent=disturbance.extent,
         references=References(references.peak, references.energy, references.rate_energy),
+        roots=tuple(map(roots.get, derived.agent.zero_states)),
     )
 
 
@@ -158,6 +163,8 @@ def _necessary(
         if controller is None:
             continue
         assert isinstance(derived.steady_state, SteadyState)
+        if derived.steady_state.roots:  # a point of the box around z* is no steady state, and refutes nothing
+            continue
         verdict = necessary_condition(
             derived.agent, controller, derived.steady_state, found, disturbance.sharp, plant.exosystem.states
         )

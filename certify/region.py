@@ -13,16 +13,13 @@ from typing import Any
 
 from certify.certificate import Json, canonical
 from certify.checker import check as independent_check
-from certify.claimed import claimed_network
+from certify.claimed import claimed_gains, claimed_network
 from certify.network_certificate import network_certificate
 from certify.pipeline import tool_versions
 from certify.preparation import Prepared, Report, Stopped
 from certify.routes import ROUTES
-from certify.statement.exact_numbers import exact
-from certify.tube.certificate import tube_controller, tube_witness
 from certify.tube.initial_boxes import Factors, Grown, InitialBoxes, scaled
-from certify.tube.loop import LoopGains
-from certify.tube.trial import AgentTrials
+from certify.units.agents import NaturalAgent, natural_agent
 from symbolic.plant import Agent, Plant
 from symbolic.plant_writer import with_source
 
@@ -43,10 +40,20 @@ class CertifiedBox:
 @dataclass(frozen=True)
 class CertifiedRegion:
     """``uniform`` scales all sides of an agent by one factor, ``axes[k]`` only those of the ``k``-th plant state (of
-    every agent that has one); ``None`` where nothing larger than the plant file's own box was certified."""
+    every agent that has one); ``None`` where nothing larger than the plant file's own box was certified. ``stopped``
+    says by agent what the search ran into beyond the uniform one."""
 
     uniform: CertifiedBox | None
     axes: tuple[CertifiedBox | None, ...]
+    stopped: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Growing:
+    """One agent with its boxes in natural units."""
+
+    agent: NaturalAgent
+    boxes: InitialBoxes
 
 
 @dataclass(frozen=True)
@@ -70,11 +77,14 @@ def certified_region(
     boxes = [_boxes(prepared, index, entry) for index, entry in enumerate(claim["agents"])]
     if any(isinstance(one, str) for one in boxes):
         return NoRegion("; ".join(one for one in boxes if isinstance(one, str)))
-    growing = [one for one in boxes if isinstance(one, InitialBoxes)]
-    uniform, axes = [], []
+    agents = [one for one in boxes if isinstance(one, Growing)]
+    growing = [one.boxes for one in agents]
+    uniform, axes, stopped = [], [], []
     for agent, one in zip(plant.agents, growing, strict=True):
         report(f"agent {agent.id}: all sides")
-        uniform.append(_factors(one, one.uniform(), None))
+        largest = one.uniform()
+        uniform.append(_factors(one, largest, None))
+        stopped.append("" if largest is None else largest.stopped)
     for axis in range(max(len(one.wide) for one in growing)):
         row = []
         for agent, one in zip(plant.agents, growing, strict=True):
@@ -82,8 +92,9 @@ def certified_region(
             grown = one.along(axis) if axis < len(one.wide) else None
             row.append(_factors(one, grown, axis))
         axes.append(row)
-    together = Network(plant, prepared, growing, certificate["theorem"], report)
-    return CertifiedRegion(together.certified(uniform), tuple(together.certified(row) for row in axes))
+    together = Network(plant, prepared, agents, certificate["theorem"], report)
+    boxes_by_axis = tuple(together.certified(row) for row in axes)
+    return CertifiedRegion(together.certified(uniform), boxes_by_axis, tuple(stopped))
 
 
 def _factors(boxes: InitialBoxes, grown: Grown | None, axis: int | None) -> Factors:
@@ -95,7 +106,7 @@ class Network:
     """Certificates of the whole network from larger boxes."""
 
     def __init__(
-        self, plant: Plant, prepared: Prepared, boxes: Sequence[InitialBoxes], theorem: str, report: Report
+        self, plant: Plant, prepared: Prepared, boxes: Sequence[Growing], theorem: str, report: Report
     ) -> None:
         self.plant, self.prepared, self.boxes, self.theorem, self.report = plant, prepared, boxes, theorem, report
 
@@ -111,11 +122,13 @@ class Network:
         return None
 
     def _certificate(self, factors: Sequence[Factors]) -> CertifiedBox | None:
-        trials = [boxes.passes(row) for boxes, row in zip(self.boxes, factors, strict=True)]
-        if any(trial is None for trial in trials):
-            return None
+        parts = []
+        for one, row in zip(self.boxes, factors, strict=True):
+            trial = one.boxes.passes(row)
+            if trial is None:
+                return None
+            parts.append(one.agent.parts(trial))
         larger = with_source(replace(self.plant, agents=tuple(map(_moved, self.plant.agents, factors))))
-        parts = [(tube_controller(trial), tube_witness(trial)) for trial in trials if trial is not None]
         found, disturbance = self.prepared.optimum, self.prepared.disturbance
         certificate = network_certificate(
             self.theorem,
@@ -138,14 +151,13 @@ def _moved(agent: Agent, factors: Factors) -> Agent:
     return replace(agent, initial=scaled(agent.initial, factors))
 
 
-def _boxes(prepared: Prepared, index: int, entry: Mapping[str, Any]) -> InitialBoxes | str:
-    model = prepared.models[index]
-    if isinstance(model, str):
-        return f"agent {index + 1}: {model}"
-    h = None if entry["h"] is None else exact(entry["h"])
-    gains, asked = LoopGains(exact(entry["g"]), exact(entry["K"]), h), prepared.plant.requirements_of(index + 1)
-    trials = AgentTrials(model, prepared.coordinator.envelope, index)
-    found = InitialBoxes(trials, gains, exact(entry["delta"]), asked)
+def _boxes(prepared: Prepared, index: int, entry: Mapping[str, Any]) -> Growing | str:
+    """Factors have no unit, so the boxes may grow in the agent's natural units."""
+    agent = natural_agent(prepared, index)
+    if isinstance(agent, str):
+        return f"agent {index + 1}: {agent}"
+    gains, delta = agent.gains(claimed_gains(entry))
+    found = InitialBoxes(agent.trials, gains, delta, agent.asked)
     if found.passes((Fraction(1),) * len(found.wide)) is None:
         return f"agent {index + 1}: the search does not find the tube of the certificate again"
-    return found
+    return Growing(agent, found)

@@ -14,26 +14,27 @@ from typing import Any
 from certify.bounds.rationals import round_up
 from certify.certificate import Json, canonical
 from certify.checker import check as independent_check
-from certify.claimed import claimed_network
+from certify.claimed import claimed_gains, claimed_network
 from certify.network_certificate import network_certificate
 from certify.pipeline import tool_versions
 from certify.preparation import Prepared, Report, Stopped
 from certify.routes import ROUTES
-from certify.statement.exact_numbers import exact
 from certify.tube.balance import BAND
-from certify.tube.certificate import tube_controller, tube_witness
 from certify.tube.loop import LoopGains
 from certify.tube.performance import Performance, Performances
 from certify.tube.requirements import Wanted, largest_h
-from certify.tube.trial import AgentTrials, Trial
+from certify.tube.trial import Trial
+from certify.units.agents import NaturalAgent, natural_agent
 from symbolic.controller import AgentController
-from symbolic.plant import Plant, Requirements
+from symbolic.plant import Plant
 
 FACTORS = (1.0, 0.7, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 22.0, 32.0)  # of K, from the gains that are certified
 SPREAD = (1.0, 2.0)  # of h/K: a faster observer spares some of the saturation level
 DESIGNS = 12  # of each agent
 DIGITS = 2
 BITS = 24
+
+Parts = tuple[AgentController, Json]  # controller and witness in the user's units
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def trade_off(
         return NoTradeOff(prepared.reason)
     fronts = []
     for index, entry in enumerate(claim["agents"]):
-        found = _front(prepared, index, entry, plant.requirements_of(index + 1), report)
+        found = _front(prepared, index, entry, report)
         if isinstance(found, str):
             return NoTradeOff(f"agent {index + 1}: {found}")
         fronts.append(found)
@@ -102,22 +103,21 @@ def trade_off(
 
 
 def _front(
-    prepared: Prepared, index: int, entry: Mapping[str, Any], asked: Requirements, report: Report
-) -> list[tuple[Trial, Design]] | str:
+    prepared: Prepared, index: int, entry: Mapping[str, Any], report: Report
+) -> list[tuple[Parts, Design]] | str:
     """From the slowest to the soonest settled; requirements of the plant file hold on all of it."""
-    model = prepared.models[index]
-    if isinstance(model, str):
-        return model
-    trials = AgentTrials(model, prepared.coordinator.envelope, index)
-    performances, wanted = Performances(model, trials.surroundings), Wanted(asked)
-    h = None if entry["h"] is None else exact(entry["h"])
-    start = trials.attempt(LoopGains(exact(entry["g"]), exact(entry["K"]), h), exact(entry["delta"]))
+    agent = natural_agent(prepared, index)
+    if isinstance(agent, str):
+        return agent
+    trials = agent.trials
+    performances, wanted = Performances(trials.model, trials.surroundings), Wanted(agent.asked)
+    start = trials.attempt(*agent.gains(claimed_gains(entry)))
     if not isinstance(start, Trial):
         return "the search does not find the tube of the certificate again"
     passed, latest = [start], start
-    for gains in _gains(start.gains, largest_h(performances, asked)):
-        report(f"agent {index + 1}: K = {float(gains.K):.4g}")
-        found = trials.attempt(gains, prepared.plant.gains_of(index + 1).delta, latest)
+    for gains in _gains(start.gains, largest_h(performances, agent.asked)):
+        report(f"agent {index + 1}: {trials.named(gains)}")
+        found = trials.attempt(gains, agent.requested.delta, latest)
         if isinstance(found, Trial):
             passed.append(found)
             latest = found
@@ -127,7 +127,7 @@ def _front(
     best = undominated(pairs, band)
     refined = [(one, performances.of(one)) for one in map(trials.tightened, (trial for trial, _ in best))]
     best = undominated([*best, *(pair for pair in refined if not wanted.missed(pair[1]))], band)
-    return [(trial, _design(trial, found, band)) for trial, found in thinned(best, DESIGNS)]
+    return [(agent.parts(trial), _design(agent, trial, found, band)) for trial, found in thinned(best, DESIGNS)]
 
 
 def _gains(start: LoopGains, cap: Fraction | None) -> Iterator[LoopGains]:
@@ -166,15 +166,18 @@ def thinned(pairs: Sequence[tuple[Trial, Performance]], most: int) -> list[tuple
     return [pairs[place] for place in places]
 
 
-def _design(trial: Trial, found: Performance, band: float) -> Design:
+def _design(agent: NaturalAgent, trial: Trial, found: Performance, band: float) -> Design:
+    """In the units of the plant file."""
     settled, peak, pole = (round_up(Fraction(value), BITS) for value in _measures(found, band))
-    return Design(tube_controller(trial), settled, peak, pole, round_up(Fraction(band), BITS))
+    scales, (controller, _) = agent.scales, agent.parts(trial)
+    own = round_up(Fraction(band), BITS) * scales.output
+    return Design(controller, settled * scales.time, peak * scales.input, pole * scales.rate, own)
 
 
 def _certified(
-    plant: Plant, prepared: Prepared, theorem: str, chosen: Sequence[tuple[Trial, Design]]
+    plant: Plant, prepared: Prepared, theorem: str, chosen: Sequence[tuple[Parts, Design]]
 ) -> Network | None:
-    parts = [(tube_controller(trial), tube_witness(trial)) for trial, _ in chosen]
+    parts = [parts for parts, _ in chosen]
     certificate = network_certificate(
         theorem,
         plant,

@@ -38,6 +38,9 @@ def verification(
         try:
             plants.read_plant(plant)
         except Malformed as fault:
+            from symbolic.plant_file import parse_plant
+
+            parse_plant(plant, plant_name)  # which says more: every fault, with its place and what to change
             raise InputError(f"{plant_name}: {fault}") from fault
         other = _other_theorem(certificate)
         if other is None:

@@ -38,7 +38,8 @@ def in_processes(
 
     Function and tasks are inherited, only results are pickled. With one worker, within a worker, and where processes
     cannot be forked safely (all but Linux), everything runs here. Closing the iterator ends the workers, whatever they
-    are at. An exception in a task is raised here; raises ``WorkerLostError`` if a worker is killed.
+    are at. An exception in a task is raised here when it is that task's turn; raises ``WorkerLostError`` if a worker is
+    killed.
     """
     within = multiprocessing.current_process().daemon
     if min(workers, len(tasks)) <= 1 or within or sys.platform != "linux":
@@ -60,20 +61,31 @@ def in_processes(
                     if kind == "said":
                         listen(content)
                         continue
+                    done, found[done] = content
                     if kind == "failed":
-                        raise content
-                    done, result = content
-                    found[done] = result
-                    if begun < len(tasks):
+                        begun = len(tasks)  # what comes after it is not wanted any more
+                    elif begun < len(tasks):
                         worker.link.send(begun)
                         begun += 1
-            yield found.pop(position)
+            result = found.pop(position)
+            if isinstance(result, _Failure):
+                result.error.add_note(result.where)
+                raise result.error
+            yield result
     finally:
         for worker in crew:
             worker.process.kill()
         for worker in crew:
             worker.process.join()
             worker.link.close()
+
+
+@dataclass(frozen=True)
+class _Failure:
+    """An exception, and the trace that would not travel with it."""
+
+    error: Exception
+    where: str
 
 
 @dataclass(frozen=True)
@@ -124,14 +136,13 @@ def _work(
         try:
             result = function(tasks[position], lambda message: link.send(("said", message)))
         except Exception as error:  # noqa: BLE001 - it is raised again where the tasks come from
-            link.send(("failed", _portable(error)))
+            link.send(("failed", (position, _Failure(_portable(error), traceback.format_exc()))))
         else:
             link.send(("done", (position, result)))
 
 
 def _portable(error: Exception) -> Exception:
-    """The exception with where it was raised, or one that says the same where it cannot be pickled."""
-    error.add_note(traceback.format_exc())
+    """The exception, or one that says the same where it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:  # noqa: BLE001 - whatever its class does when it is rebuilt

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from certify.export.package import Options, Package, json_text, package
 from certify.export.python_text import python_files
+from certify.files import temporary_folder
 from certify.statement.controller import certified_controller
 from reports.answers import Export
 from reports.command_line.inputs import Given
@@ -63,8 +63,8 @@ def _samples(plant: Plant, made: Package, python: dict[str, str]) -> str:
     per_round = sum(program.substeps for program in made.programs)
     moving = min(made.programs[0].coordinator.hold + 20, MOST_RECORDED // per_round)
     rounds = max(1, RECORDED // per_round, moving)
-    with tempfile.TemporaryDirectory() as folder:
-        make = {p.id: _agent(Path(folder), f"agent{p.id}", python) for p in made.programs}
+    with temporary_folder() as folder:
+        make = {p.id: _agent(folder, f"agent{p.id}", python) for p in made.programs}
         periods = {p.id: p.period for p in made.programs}
         period = made.programs[0].period * made.programs[0].substeps
         run = run_network(plant, make, periods, period, centre(plant), rounds)

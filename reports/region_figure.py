@@ -10,16 +10,18 @@ from matplotlib.figure import Figure
 from certify.statement.bounds import ProvedBounds
 from reports.figures import style
 from sims.closed_loop import Trajectory
+from symbolic.plant import Plant
 
 DRAWN_UP_TO = 12
 COLUMNS = 3
 PANEL = (2.3, 1.55)
-BOUND, RUN = "#1f4e79", "#D55E00"
+BOUND, RUN, ASKED = "#1f4e79", "#D55E00", "#9b2226"
 DECADES = 7
 
 
-def settling_figure(region: ProvedBounds, runs: Sequence[Trajectory], horizon: float) -> Figure:
-    """``|y_i − s*|`` over ``[0, horizon]`` seconds, logarithmic: the bound and the runs, which must stay below."""
+def settling_figure(region: ProvedBounds, plant: Plant, runs: Sequence[Trajectory], horizon: float) -> Figure:
+    """``|y_i − s*|`` over ``[0, horizon]`` seconds, logarithmic: the bound and the runs, which must stay below, and the
+    band that is required from some time on."""
     agents = region.agents[:DRAWN_UP_TO]
     columns = min(COLUMNS, len(agents))
     rows = -(-len(agents) // columns)
@@ -34,6 +36,12 @@ def settling_figure(region: ProvedBounds, runs: Sequence[Trajectory], horizon: f
             for k, run in enumerate(runs):
                 error = np.maximum(run.error[agent.id - 1], 1e-16)
                 axes.plot(run.t, error, color=RUN, linewidth=0.6, alpha=0.8, label="simulated runs" if k == 0 else None)
+            asked = plant.requirements_of(agent.id).settling
+            if asked is not None:
+                time, band = float(asked.time), float(asked.band)
+                axes.plot(
+                    [time, time, max(horizon, time)], [top, band, band], color=ASKED, linestyle="--", label="required"
+                )
             axes.set_yscale("log")
             axes.set_title(f"agent {agent.id}", pad=3.0)
             axes.set_ylim(top / 10**DECADES, top)
@@ -42,5 +50,5 @@ def settling_figure(region: ProvedBounds, runs: Sequence[Trajectory], horizon: f
             axes.remove()
         figure.supxlabel("time $t$ [s]", fontsize=9)
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=2)
+        figure.legend(handles, labels, loc="outside upper center", ncols=3)
     return figure

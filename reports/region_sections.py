@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from certify.statement.numbers import Rounding, rounded
 from reports import cells
 from reports.designs import design_lines
 from reports.figures import svg
+from reports.performance_figures import input_figure, loop_figure, tube_figure
 from reports.region_figure import DRAWN_UP_TO, settling_figure
 from reports.typst_math import number, number_text, symbol_text
 from symbolic.plant import Interval, Plant
@@ -23,6 +25,7 @@ from symbolic.plant import Interval, Plant
 if TYPE_CHECKING:
     from certify.pipeline import GainsResult
     from sims.closed_loop import Trajectory
+    from sims.loop_response import LoopResponse
 
 LEVELS = (Fraction(1), Fraction(1, 10), Fraction(1, 100), Fraction(1, 1000))
 DIGITS = 3
@@ -33,9 +36,14 @@ Rows = list[list[cells.Cell]]
 
 
 def region_section(
-    found: ProvedBounds, certified: CertifiedGains, plant: Plant, gains: GainsResult | None, runs: Sequence[Trajectory]
+    found: ProvedBounds,
+    certified: CertifiedGains,
+    plant: Plant,
+    gains: GainsResult | None,
+    runs: Sequence[Trajectory],
+    responses: Sequence[LoopResponse] = (),
 ) -> dict[str, Any]:
-    """The data of ``region.typ``; ``runs`` are trajectories with the certified gains.
+    """The data of ``region.typ``; ``runs`` are trajectories with the certified gains, ``responses`` the open loops.
 
     Proved numbers are rounded to the side on which they still hold.
     """
@@ -51,7 +59,12 @@ def region_section(
         "runs": len(completed),
         "closest": cells.text("–") if not completed else estimate(closest(found, completed)),
         "observers": observer_rows(certified.agents[:ROWS_UP_TO]),
-        **_picture(settling_figure(found, completed, horizon)),
+        **_picture(settling_figure(found, plant, completed, horizon)),
+        "required": requirement_rows(found, certified, plant, completed),
+        "input": _picture(input_figure(found, plant, completed, horizon)),
+        "tube": _picture(tube) if (tube := tube_figure(certified, plant, completed)) is not None else None,
+        "loops": _picture(loop_figure(responses)) if responses else None,
+        "margins": [_margins(one) for one in responses],
         "drawn": None if len(found.agents) <= DRAWN_UP_TO else f"The first {DRAWN_UP_TO} agents.",
         "left_out": None if left_out == 0 else cells.text(f"{left_out} further agents are in summary.json."),
         "alternatives": alternatives(gains, plant),
@@ -60,6 +73,42 @@ def region_section(
 
 def _picture(figure: Figure) -> dict[str, Any]:
     return {"svg": svg(figure), "width": 72 * float(figure.get_figwidth())}
+
+
+def requirement_rows(found: ProvedBounds, certified: CertifiedGains, plant: Plant, runs: Sequence[Trajectory]) -> Rows:
+    """One row per requirement of an agent: what is asked, what is proved, what the runs show."""
+    rows = []
+    for agent, claim in zip(found.agents[:ROWS_UP_TO], certified.agents, strict=False):
+        asked, u = plant.requirements_of(agent.id), [run.agents[agent.id - 1].u for run in runs]
+        if asked.settling is not None:
+            band, proved = asked.settling.band, agent.error.settled(asked.settling.band)
+            seen = max((_settled(run, agent.id, float(band)) for run in runs), default=math.nan)
+            what = f'abs(y - s^(star.op)) <= {_number(band, "nearest")} " after (s)"'
+            rows.append(_required(agent.id, what, asked.settling.time, min(proved, asked.settling.time), seen))
+        if asked.input is not None:
+            seen = max((float(np.nanmax(np.abs(values))) for values in u), default=math.nan)
+            rows.append(_required(agent.id, "max abs(u)", asked.input, agent.input.peak, seen))
+        if asked.bandwidth is not None and claim.h is not None:
+            pole = observer_bandwidth(claim.observer, claim.h).fastest
+            rows.append(_required(agent.id, '"fastest observer pole (rad/s)"', asked.bandwidth, None, pole))
+    return rows
+
+
+def _required(agent: int, what: str, asked: Fraction, proved: Fraction | None, seen: float) -> list[cells.Cell]:
+    shown = asked if proved is None else proved
+    return [cells.text(agent), cells.math(what), cells.number(asked), _bound(shown), estimate(seen)]
+
+
+def _settled(run: Trajectory, agent: int, band: float) -> float:
+    """The last instant at which the run is outside the band."""
+    late = np.flatnonzero(run.error[agent - 1] > band)
+    return float(run.t[late[-1]]) if late.size else 0.0
+
+
+def _margins(found: LoopResponse) -> list[cells.Cell]:
+    one = found.margins
+    values = (one.phase, one.gain, one.reduction, 1000 * one.delay, one.distance)
+    return [cells.text(found.agent), *map(estimate, values)]
 
 
 def closest(found: ProvedBounds, runs: Sequence[Trajectory]) -> float:

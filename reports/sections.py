@@ -9,6 +9,7 @@ from typing import Any
 
 from certify.routes import DEFAULT, ROUTES
 from certify.statement.claim import CertifiedGains
+from certify.statement.controller import certified_controller
 from certify.statement.numbers import fraction, scientific, shown
 from reports import cells, tables
 from reports.agent_types import coordinates_section
@@ -18,6 +19,7 @@ from reports.figures import style, svg
 from reports.gains_sections import claim_section, gains_section, numbers_section, stability_rows
 from reports.network_figure import draw_network
 from reports.paper_notes import notes_for
+from reports.performance_figures import LOOPS_UP_TO
 from reports.provenance import reproducibility_section
 from reports.region_sections import region_section
 from reports.simulation import simulation_section
@@ -25,8 +27,10 @@ from reports.study import Conclusion, Study, conclusion
 from reports.typst_math import matrix, number, number_text, typst
 from sims.closed_loop import Trajectory
 from sims.cross_check import CrossCheck
+from sims.loop_response import LoopResponse, loop_response
 from symbolic.network import cuts, is_balanced
 from symbolic.plant import Agent, Digraph, Exosystem, Interval, Plant
+from symbolic.steady_state import SteadyState
 
 DRAWN_UP_TO = 200
 OPTIMUM_DIGITS = 13
@@ -95,7 +99,23 @@ def _region(study: Study, certified: CertifiedGains | None, ended: Conclusion) -
     runs: tuple[Trajectory, ...] = ()
     if study.trajectory is not None and study.simulated is not None and certified.same_as(study.simulated):
         runs = (study.trajectory, *study.runs)
-    return region_section(study.bounds, certified, study.plant, study.gains, runs)
+    return region_section(study.bounds, certified, study.plant, study.gains, runs, _responses(study))
+
+
+def _responses(study: Study) -> list[LoopResponse]:
+    """The open loops of agents that differ, the first few of them."""
+    optimum = study.optimum if study.optimum is not None else None
+    if optimum is None and study.optimum_enclosure is not None:
+        optimum = (study.optimum_enclosure.lo + study.optimum_enclosure.hi) / 2
+    if study.derivation is None or optimum is None:
+        return []
+    controller = certified_controller(study.found_certificate or {}, study.plant, "the certificate")
+    found: list[LoopResponse] = []
+    for agent, derived, law in zip(study.plant.agents, study.derivation.agents, controller.agents, strict=True):
+        if len(found) < LOOPS_UP_TO and isinstance(derived.steady_state, SteadyState):
+            response = loop_response(agent, law, derived.steady_state, float(optimum))
+            found += [] if response is None else [response]
+    return found
 
 
 def _search(found: CrossCheck, study: Study) -> dict[str, Any]:

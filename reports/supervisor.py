@@ -7,6 +7,7 @@ just writing is whole, and takes its workers with it (``certify.lifetime``). Not
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import os
 import select
@@ -15,6 +16,9 @@ import signal
 import sys
 import time
 from dataclasses import dataclass, field
+from typing import NoReturn
+
+from certify.lifetime import adopt_orphans, children, end_with, watched_through
 
 UNDECIDED = 3
 PATIENCE = 1.0  # seconds that a file being written gets, and then the processes to end: half of what the user waits
@@ -28,11 +32,12 @@ def main() -> int:
     heard = {number for number in _INTERRUPTIONS if signal.getsignal(number) != signal.SIG_IGN}
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # ignored, it would take the child's exit code with it
     signal.pthread_sigmask(signal.SIG_BLOCK, heard | {signal.SIGCHLD})
+    adopt_orphans()
     told, tell = os.pipe()
     parent, child = os.getpid(), os.fork()
     if child == 0:
         os.close(told)
-        return _watched(parent, tell, heard)
+        _watched(parent, tell, heard)
     os.close(tell)
     return _wait(child, told, heard)
 
@@ -43,30 +48,37 @@ def _command() -> int:
     return command()
 
 
-def _watched(parent: int, tell: int, heard: set[signal.Signals]) -> int:
+def _watched(parent: int, tell: int, heard: set[signal.Signals]) -> NoReturn:
     """The child: signals are the parent's business, also those that a terminal sends to both."""
-    from certify.lifetime import end_with, watched_through
-
     end_with(parent)
     for number in heard:
         signal.signal(number, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, heard | {signal.SIGCHLD})
     watched_through(tell)
-    return _command()
+    code = _command()
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # the reader has gone; the exit code still tells
+            stream.flush()
+    os._exit(code)  # taking a hundred thousand objects apart one by one would take longer than many a command
 
 
 def _wait(child: int, told: int, heard: set[signal.Signals]) -> int:
     while True:
         number = signal.sigwait(heard | {signal.SIGCHLD})
         if number != signal.SIGCHLD:
-            _interrupt(child, told)
+            code = _interrupt(child, told)
+            if code is not None:
+                return code
             print(f"certify: interrupted by {signal.Signals(number).name}; nothing was left half done", file=sys.stderr)
             return 128 + number
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
             break
     if os.WIFSIGNALED(status):
-        _take_away(_Notes(told))
+        notes = _Notes(told)
+        _end_the_rest(notes)
+        _take_away(notes)
         return _killed(os.WTERMSIG(status))
     return os.WEXITSTATUS(status)
 
@@ -100,29 +112,43 @@ class _Notes:
             pass
 
 
-def _interrupt(child: int, told: int) -> None:
-    """End the child and all its workers, between two of its undivided parts if that is soon."""
+def _interrupt(child: int, told: int) -> int | None:
+    """End the child and all its workers, between two of its undivided parts if that is soon.
+
+    The exit code of a child that was so nearly done that it has ended by itself.
+    """
     notes = _Notes(told)
     deadline = time.monotonic() + PATIENCE
-    while _stopped(child):
+    while True:
+        os.kill(child, signal.SIGSTOP)  # so that it tells nothing new while it is judged
+        _, status = os.waitpid(child, os.WUNTRACED)
+        if os.WIFEXITED(status):
+            return os.WEXITSTATUS(status)
         notes.read_all()
+        if os.WIFSIGNALED(status):
+            break
         if not notes.busy or time.monotonic() > deadline:
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
             break
         os.kill(child, signal.SIGCONT)
         notes.read(max(0.0, deadline - time.monotonic()))
-    deadline = time.monotonic() + PATIENCE / 2
-    while notes.read(max(0.0, deadline - time.monotonic())) and time.monotonic() < deadline:
-        pass
+    _end_the_rest(notes)
     _take_away(notes)
+    return None
 
 
-def _stopped(child: int) -> bool:
-    """Stop the child, so that it tells nothing new while it is judged; ``False`` if it has ended."""
-    os.kill(child, signal.SIGSTOP)
-    _, status = os.waitpid(child, os.WUNTRACED)
-    return os.WIFSTOPPED(status)
+def _end_the_rest(notes: _Notes) -> None:
+    """Workers end with their parent; what else has been started (a compiler) is an orphan now, and this one's child."""
+    deadline = time.monotonic() + PATIENCE / 2
+    while time.monotonic() < deadline:
+        orphans = children()
+        for orphan in orphans:
+            with contextlib.suppress(ProcessLookupError, ChildProcessError):
+                os.kill(orphan, signal.SIGKILL)
+                os.waitpid(orphan, 0)
+        if not orphans and not notes.read(0.01):  # the last that could have told has closed the pipe
+            return
 
 
 def _take_away(notes: _Notes) -> None:

@@ -98,7 +98,7 @@ def _compiled(
     try:
         from sims.compiled import integrate_compiled
     except ModuleNotFoundError as error:
-        raise InputError("the compiled integrator needs numba: pip install 'consensus-certify[fast]'") from error
+        raise InputError("the compiled integrator needs numba: pip install 'numba>=0.61'") from error
     limits = (options.rtol, options.atol, options.escape_radius, options.max_steps)
     weights = _argument_weights(sources, numpy_functions(sources)["argument"])
     samples, counts, results = integrate_compiled(

@@ -52,7 +52,7 @@ def _on_cluster(function: Callable[[Task], Result], tasks: Sequence[Task], addre
     try:
         from distributed import Client, KilledWorker
     except ImportError as error:
-        raise InputError("a scheduler needs Dask: pip install 'consensus-certify[cluster]'") from error
+        raise InputError("a scheduler needs Dask: pip install 'distributed>=2025.1'") from error
     if not address:  # Dask would start a cluster of its own
         raise InputError("the address of the scheduler is empty")
     try:

@@ -10,7 +10,7 @@ from functools import partial
 import sympy
 
 from symbolic import messages
-from symbolic.errors import Where, quoted
+from symbolic.errors import InputError, Where, quoted
 from symbolic.expressions import Written
 from symbolic.guards import AgentGuards
 from symbolic.initial_file import POINT, InitialTable
@@ -42,6 +42,7 @@ KEYS = (
     "gamma",
     "observer",
 )
+OF_THE_FILE = ("name", "network", "exosystem", "initial", "coordinator", "gains", "requirements", "implementation")
 ZERO = Written(sympy.S.Zero)
 NOWHERE = InitialBox((), (), None, POINT, POINT)  # where there is no [initial], which is an error
 _RANGE = re.compile(r"\s*([0-9]{1,9})\s*(?:-|\.\.)\s*([0-9]{1,9})\s*")
@@ -78,7 +79,9 @@ def _shares(tables: list[Table], where: Where, count: int | None, before: int) -
     described: set[int] = set()
     length = 0
     for table in tables:
-        numbers: list[int] = table.read("ids", "ids = [1, 2]", partial(_ids, count=count or MAX_AGENTS), list[int]())
+        numbers: list[int] = table.read(
+            "ids", "ids = [1, 2]", partial(agent_ids, count=count or MAX_AGENTS), list[int]()
+        )
         length += len(numbers) * _text_length(table.entries)
         if length > MAX_TEXT:
             raise where.error(messages.TOO_MUCH_TEXT(most=MAX_TEXT))
@@ -102,8 +105,18 @@ def _tables(root: Table, where: Where, count: int | None) -> list[Table]:
     """The [[agent]] tables that are tables."""
     example = "[[agent]], then ids, order, f, b and cost in lines of their own"
     entries = root.read("agent", example, partial(_several, most=count or MAX_AGENTS), list[Value]())
-    read = (where.at(k).attempt(partial(Table, entry, where.at(k), KEYS), None) for k, entry in enumerate(entries, 1))
+    read = (where.at(k).attempt(partial(_table, entry, where.at(k)), None) for k, entry in enumerate(entries, 1))
     return [table for table in read if table is not None]
+
+
+def _table(entry: Value, where: Where) -> Table:
+    """An [[agent]] table; a key that belongs to the file as a whole is told where it stands."""
+    table = Table(entry, where)
+    for key in [key for key in table.entries if key in OF_THE_FILE]:
+        where.report(messages.TABLE_OF_ITS_OWN(key=key), spot=table.at(key), on_key=True)
+        table.entries = {other: value for other, value in table.entries.items() if other != key}
+    table.allow(KEYS)
+    return table
 
 
 def _several(value: Value, where: Where, most: int) -> list[Value]:
@@ -133,7 +146,7 @@ def _declared_in(table: Table) -> list[str]:
     return [name for key in ("zero_dynamics", "constants", "uncertain") for name in _keys_of(table, key)]
 
 
-def _ids(value: Value, where: Where, count: int) -> list[int]:
+def agent_ids(value: Value, where: Where, count: int) -> list[int]:
     """The numbers in ``[1, 2]``, ``"3-5"`` or ``[1, "3-5"]``."""
     entries = [value] if isinstance(value, str) else array(value, where, most=count)
     if not entries:
@@ -182,6 +195,8 @@ def _agent(table: Table, number: int, scope: Scope, initial: InitialTable | None
     )
     for name in uncertain.entries:
         scope = scope.with_state(name, uncertain.at(name), "a parameter")
+    if any(not isinstance(table.entries.get(key, {}), dict) for key in ("zero_dynamics", "constants", "uncertain")):
+        raise InputError  # noted already; without their names the expressions make no sense
     reader = _AgentReader(table, order, scope, declared)
     zero_dynamics, f, b, cost = reader.zero_dynamics(zero), reader.right_hand_side(), reader.input_gain(), reader.cost()
     return Agent(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from html import escape
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 HOLDS, REFUTED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
@@ -54,10 +55,9 @@ class Answer:
         return EXIT_CODES[self.status]
 
     def __repr__(self) -> str:
-        lines = [line for text in self.said() for line in text.splitlines()]
+        lines = [part for text in self.said() for line in text.splitlines() for part in _wrapped(line)]
         more = len(lines) - MOST_LINES
-        shown = lines if more <= 0 else [*lines[: MOST_LINES - 1], f"… {more + 1} more lines"]
-        return "\n".join(line if len(line) <= LONGEST_LINE else line[: LONGEST_LINE - 1] + "…" for line in shown)
+        return "\n".join(lines if more <= 0 else [*lines[: MOST_LINES - 1], f"… {more + 1} more lines"])
 
     def _repr_html_(self) -> str:
         colour = COLOURS[self.exit_code]
@@ -67,6 +67,11 @@ class Answer:
             return f"{head}<pre>{escape(repr(self))}</pre>"
         title, *body = ["".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in row) for tag, row in _tagged(rows)]
         return f"{head}<table><tr>{title}</tr>{''.join(f'<tr>{row}</tr>' for row in body)}</table>"
+
+
+def _wrapped(line: str) -> list[str]:
+    """What stood in the way is often at the end of a long reason, so nothing is cut off."""
+    return [line] if len(line) <= LONGEST_LINE else wrap(line, LONGEST_LINE, subsequent_indent="  ")
 
 
 def _tagged(rows: Rows) -> list[tuple[str, Sequence[str]]]:

@@ -12,11 +12,12 @@ from symbolic.annihilator import LAMBDA
 from symbolic.derived import AgentDerivation, Derivation
 from symbolic.error_symbols import ErrorSymbols
 from symbolic.exact_field import Number
+from symbolic.identity import excerpt
 from symbolic.internal_model import InternalModel, NoInternalModel
 from symbolic.latex import latex_align, latex_equation, latex_expression, latex_matrix, latex_names, latex_number
 from symbolic.named_equations import SATURATION, NamedEquation, NamedEquations
-from symbolic.plant import COST_VARIABLE
-from symbolic.steady_state import SteadyState
+from symbolic.plant import COST_VARIABLE, Agent
+from symbolic.steady_state import SteadyState, right_hand_side
 
 
 def as_text(derivation: Derivation) -> str:
@@ -56,7 +57,7 @@ def _lines(derived: AgentDerivation) -> list[str]:
     steady, model, agent = derived.steady_state, derived.internal_model, derived.agent
     if not isinstance(steady, SteadyState):
         return [f"no steady state ({steady.verdict}): {steady.reason}"]
-    lines = [f"{name}*(s, v, w) = {z}" for name, z in zip(agent.zero_states, steady.z_star, strict=True)]
+    lines = [f"{name}*(s, v, w) {value}" for name, value in _steady_values(agent, steady)]
     lines.append(f"u*(s, v, w) = {steady.u_star}")
     if not isinstance(model, InternalModel):
         return [*lines, f"no internal model ({model.verdict}): {model.reason}" if model else "no internal model"]
@@ -87,13 +88,23 @@ def _model_lines(model: InternalModel) -> list[str]:
     ]
 
 
+def _steady_values(agent: Agent, steady: SteadyState) -> list[tuple[sympy.Symbol, str]]:
+    """``= z*``, or what a component without closed form is a zero of."""
+    return [
+        (name, f"is the zero of {excerpt(f0)} in {name}" if name in steady.roots else f"= {z}")
+        for name, z, f0 in zip(agent.zero_states, steady.z_star, right_hand_side(agent), strict=True)
+    ]
+
+
 def _latex_parts(derived: AgentDerivation) -> list[str]:
     steady, model = derived.steady_state, derived.internal_model
     if not isinstance(steady, SteadyState):
         return [f"No steady state ({steady.verdict})."]
     lines = [
-        rf"{latex_expression(name)}^\star(s, v, w) &= {latex_expression(z)}"
-        for name, z in zip(derived.agent.zero_states, steady.z_star, strict=True)
+        rf"{latex_expression(f0)} &= 0 \text{{ at }} {latex_expression(name)} = {latex_expression(name)}^\star(s, w)"
+        if name in steady.roots
+        else rf"{latex_expression(name)}^\star(s, v, w) &= {latex_expression(z)}"
+        for name, z, f0 in zip(derived.agent.zero_states, steady.z_star, right_hand_side(derived.agent), strict=True)
     ]
     lines.append(rf"u^\star(s, v, w) &= {latex_expression(steady.u_star)}")
     if isinstance(model, NoInternalModel) or model is None or derived.equations is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import sympy
+from sympy.core.function import AppliedUndef
 from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
@@ -46,6 +47,12 @@ def expression_text(expr: sympy.Expr) -> str:
     return str(
         _PlantPrinter().doprint(expr.xreplace({number: float_value(number) for number in expr.atoms(sympy.Float)}))
     )
+
+
+def without_time(expr: sympy.Expr) -> sympy.Expr:
+    """Functions of time ``q(t)``, as equations of motion have them, as the symbols ``q``."""
+    functions = [part for part in expr.atoms(AppliedUndef) if len(part.args) == 1]
+    return expr.xreplace({part: sympy.Symbol(part.func.__name__) for part in functions})
 
 
 def float_value(number: sympy.Float) -> sympy.Rational:

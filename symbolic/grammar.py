@@ -134,7 +134,7 @@ _LOOKALIKES = {
     "\u00b2": "; write ^2",
     "\u00b3": "; write ^3",
     "\u03c0": "; write pi",
-    "[": "; use parentheses",
+    "[": "; use parentheses, and x1 for a component",
     "{": "; use parentheses",
     ",": "; decimals have a point, and functions one argument",
     "=": "; the value is an expression, not an equation",
@@ -150,7 +150,9 @@ _OTHER_NAMES |= {"sgn": _OTHER_NAMES["sign"], "cbrt": "x^(1/3)", "square": "x^2"
 def _unknown_function(name: str) -> Reason:
     other = _OTHER_NAMES.get(name.lower())
     known = ", ".join(FUNCTIONS)
-    return messages.FUNCTION(name=quoted(name), known=known + (f"; write {other}" if other else ""))
+    return messages.FUNCTION(
+        name=quoted(name), known=known + (f"; write {other}" if other else "; a product is written with *")
+    )
 
 
 @dataclass(frozen=True)
@@ -190,7 +192,7 @@ class _Parser:
         node = self.sum()
         if self.token.kind != "end":
             hint = (
-                "; a product is written with *"
+                "; a product is written with *, and units are left out"
                 if self.token.kind in ("name", "number") or self.token.text == "("
                 else ""
             )

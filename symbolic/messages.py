@@ -42,6 +42,9 @@ NOT_TOML = Message("not valid TOML: {why}{hint}")
 # tables and keys
 MISSING = Message("missing; for example {example}")
 UNKNOWN_KEY = Message("unknown key {key}; {hint}")
+TABLE_OF_ITS_OWN = Message(
+    "'{key}' is no part of an agent: it is a table of its own, [{key}]; [gains.3] is that of agent 3"
+)
 SCHEMA = Message("this version reads {schema} only; write that")
 TABLE = Message("a table is needed, found {found}; write {{ key = value }}, or the keys below [{key}]")
 ARRAY = Message("an array is needed, found {found}; write the entries in brackets: [ ... ]")
@@ -61,6 +64,7 @@ PLAIN_NUMBER = Message("{text} is the number {value}; write it like that")
 POSITIVE = Message("a positive number is needed, found {found}")
 NOT_NEGATIVE = Message("a number that is not negative is needed, found {found}")
 INTERVAL = Message("an interval is a pair [lo, hi] of numbers, or one number for a point")
+INTERVAL_TEXT = Message("an interval is a pair [lo, hi] without quotes around it; its ends may have some")
 EMPTY_INTERVAL = Message("the interval [{lo}, {hi}] is empty; the smaller end comes first")
 LENGTH = Message("{needed} needed, found {found}")
 

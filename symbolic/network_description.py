@@ -6,8 +6,8 @@ and are refused for the same reasons.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -15,12 +15,18 @@ from typing import Any
 import sympy
 
 from symbolic.errors import InputError
-from symbolic.plant import Plant
+from symbolic.expression_text import without_time
+from symbolic.interval import Interval
+from symbolic.plant import Agent, Plant
 from symbolic.plant_file import SCHEMA, parse_plant
+from symbolic.plant_writer import with_source
 from symbolic.toml_value import exact_number, toml_value
 
 Description = Mapping[str, Any]
+Described = tuple[list[int], Description]  # agents' numbers and the keys of their table
 DESIGNERS = ("reference", "observer", "eta")  # initial values that are the designer's choice: 0 where left open
+OWN_STATES = "states"  # of an agent's description: the user's names of x1 … xn
+OWN_BOX = "initial"  # of an agent's description: where its own states start, by name (models bring it along)
 TABLES = ("constants", "exosystem", "initial", "coordinator", "gains", "requirements", "implementation")
 
 
@@ -60,19 +66,20 @@ def agent(
         **answers,
     }
     entries = {key: value for key, value in described.items() if value is not None}
-    return MappingProxyType({key: _renamed(value, {**renamed, **named}) for key, value in entries.items()})
+    keys = {key: _renamed(value, {**renamed, **named}) for key, value in entries.items()}
+    return MappingProxyType({**keys, **({OWN_STATES: tuple(map(str, states))} if states is not None else {})})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Network:
     """Agents on a directed graph, as a plant file would describe them.
 
     ``graph`` is a ``networkx.DiGraph``: an edge ``u → v`` says that v hears u, with its attribute ``weight`` (1 if left
     out); of an undirected graph both ends hear each other. Its nodes are the agents, numbered from 1 in their order,
-    or by themselves where they are the numbers from 1 on. ``agents`` is one description (:func:`agent`) for all, or
-    maps every node to its own. The other fields hold the keys of the plant file's tables of these names, with symbols
-    or strings as names, numbers of any exact or float type, and pairs as intervals. ``units`` maps names to units, in
-    which quantities of pint are taken; without one they are taken in SI base units.
+    or by themselves where they are the numbers from 1 on. ``agents`` is one description (:func:`agent`) for all, one
+    for each in that order, or maps every node to its own. The other fields hold the keys of the plant file's tables of
+    these names, with symbols or strings as names, numbers of any exact or float type, and pairs as intervals. ``units``
+    maps names to units, in which quantities of pint are taken; without one they are taken in SI base units.
 
     ``reference``, ``observer`` and ``eta`` of ``initial`` are 0 unless they or a ``box`` are given.
 
@@ -86,7 +93,7 @@ class Network:
 
     name: str
     graph: Any
-    agents: Description | Mapping[Hashable, Description]
+    agents: Description | Sequence[Description] | Mapping[Hashable, Description]
     exosystem: Description = field(default_factory=dict)
     initial: Description = field(default_factory=dict)
     constants: Description = field(default_factory=dict)
@@ -96,6 +103,14 @@ class Network:
     implementation: Description = field(default_factory=dict)
     units: Mapping[Any, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if not all(hasattr(self.graph, part) for part in ("nodes", "to_directed", "is_multigraph")):
+            found = type(self.graph).__name__
+            raise InputError(f"{self.name}: graph: a graph of networkx is needed, found {found}")
+
+    def __repr__(self) -> str:
+        return f"<Network {self.name!r}: {len(self.graph.nodes)} agents, {len(self.graph.edges)} edges>"
+
     @property
     def numbers(self) -> Mapping[Hashable, int]:
         """The agent's number of every node."""
@@ -104,28 +119,30 @@ class Network:
             return {node: node for node in sorted(nodes)}
         return {node: number for number, node in enumerate(nodes, 1)}
 
-    @cached_property
+    @property
     def text(self) -> str:
         """The plant file. Raises ``InputError``."""
+        return self.plant.source.decode()
+
+    @cached_property
+    def _described_text(self) -> str:
+        """The plant file, but for boxes that belong to single agents."""
         numbers = self.numbers
         if not numbers:
             raise InputError(f"{self.name}: graph: at least one node is needed, an agent each")
-        lines = [f"schema = {toml_value(SCHEMA)}", f"name = {toml_value(self.name)}", ""]
-        lines += ["[network]", f"agents = {len(numbers)}", f"edges = [{', '.join(self._edges())}]"]
-        units = {str(name): str(unit) for name, unit in self.units.items()}
-        for title in TABLES:
-            table = self._initial() if title == "initial" else getattr(self, title)
-            lines += _lines(f"[{title}]", table, title, units)
-        for ids, described in self._described():
-            lines += _lines("[[agent]]", {"ids": ids, **described}, f"agent {ids[0]}", units)
-        return "\n".join(lines) + "\n"
+        network = {"agents": len(numbers), "edges": self._edges()}
+        tables = {title: self._initial() if title == "initial" else getattr(self, title) for title in TABLES}
+        own = self._own_states()
+        units = {own.get(str(name), str(name)): unit for name, unit in self.units.items()}
+        return document(self.name, {"network": network, **tables}, self._described(), units)
 
     @cached_property
     def plant(self) -> Plant:
         """The plant that this file describes. Raises ``InputError``."""
-        return parse_plant(self.text.encode(), self.name)
+        plant = reading(self._described_text, self.name)
+        return starting_in_own_boxes(plant, self._described())
 
-    def _edges(self) -> list[str]:
+    def _edges(self) -> list[Any]:
         numbers, graph = self.numbers, self.graph
         if graph.is_multigraph():
             raise InputError(f"{self.name}: graph: one edge from agent to agent is needed, not several")
@@ -134,24 +151,89 @@ class Network:
             arrow = f"{numbers[source]} -> {numbers[target]}"
             weight = data.get("weight", 1)
             plain = exact_number(weight, f"graph, edge {source} -> {target}") == 1
-            entries.append(toml_value(arrow if plain else [arrow, weight], f"graph, edge {source} -> {target}"))
+            entries.append(arrow if plain else [arrow, weight])
         return entries
 
     def _initial(self) -> Description:
         open_ones = () if "box" in self.initial else (key for key in DESIGNERS if key not in self.initial)
-        return {**self.initial, **dict.fromkeys(open_ones, 0)}
+        given = {**self.initial, **dict.fromkeys(open_ones, 0)}
+        if all(OWN_BOX in described for _, described in self._described()):
+            given = {"x": 0, "z": 0, **given}  # every agent brings its own
+        own = self._own_states()
+        return {
+            key: {own.get(str(name), name): side for name, side in value.items()}
+            if key in ("x", "observer") and isinstance(value, Mapping)
+            else value
+            for key, value in given.items()
+        }
 
-    def _described(self) -> list[tuple[list[int], Description]]:
+    def _own_states(self) -> dict[str, str]:
+        """The chain's name of every state that descriptions call otherwise. Raises ``InputError`` where they differ."""
+        own: dict[str, str] = {}
+        for _, described in self._described():
+            for k, name in enumerate(described.get(OWN_STATES, ()), 1):
+                if own.setdefault(name, f"x{k}") != f"x{k}":
+                    reason = f"the state {name!r} is {own[name]} of one and x{k} of another"
+                    raise InputError(f"{self.name}: agents: {reason}")
+        return own
+
+    def _described(self) -> list[Described]:
         numbers = self.numbers
+        if isinstance(self.agents, Sequence):
+            if len(self.agents) != len(numbers):
+                reason = f"{len(self.agents)} descriptions for {len(numbers)} nodes"
+                raise InputError(f"{self.name}: agents: a description for every node is needed, found {reason}")
+            return [([number], keys) for number, keys in zip(numbers.values(), self.agents, strict=True)]
         given: Mapping[Any, Any] = self.agents
         if "f" in given:
-            return [(list(numbers.values()), given)]
+            each = [[number] for number in numbers.values()] if OWN_BOX in given else [list(numbers.values())]
+            return [(ids, given) for ids in each]
         strangers = [node for node in given if node not in numbers]
         missing = [node for node in numbers if node not in given]
         if strangers or missing:
             where = f"{strangers[0]!r} is no node of the graph" if strangers else f"node {missing[0]!r} has none"
             raise InputError(f"{self.name}: agents: a description for every node is needed, {where}")
         return [([number], given[node]) for node, number in numbers.items()]
+
+
+def document(
+    name: str, tables: Mapping[str, Description], described: Iterable[Described], units: Mapping[Any, str] | None = None
+) -> str:
+    """The plant file with these tables and agents; boxes of single agents are left to :func:`starting_in_own_boxes`."""
+    named = {str(key): str(unit) for key, unit in (units or {}).items()}
+    lines = [f"schema = {toml_value(SCHEMA)}", f"name = {toml_value(name)}"]
+    for title, table in tables.items():
+        lines += _lines(f"[{title}]", table, title, named)
+    for ids, keys in described:
+        own = {key: value for key, value in keys.items() if key not in (OWN_BOX, OWN_STATES)}
+        lines += _lines("[[agent]]", {"ids": ids, **own}, f"agent {ids[0]}", named)
+    return "\n".join(lines) + "\n"
+
+
+def reading(text: str, source: str) -> Plant:
+    """The plant of a text that the user has not written: messages name the key, but no line of it."""
+    try:
+        return parse_plant(text.encode(), source)
+    except InputError as error:
+        raise InputError(*(replace(problem, position=None) for problem in error.problems)) from None
+
+
+def starting_in_own_boxes(plant: Plant, described: Iterable[Described]) -> Plant:
+    """The plant with the boxes that descriptions of single agents bring along. Raises ``InputError``."""
+    boxes = {ids[0]: keys[OWN_BOX] for ids, keys in described if OWN_BOX in keys}
+    if not boxes:
+        return plant
+    agents = tuple(_starting_in(agent, boxes.get(agent.id, {})) for agent in plant.agents)
+    return with_source(replace(plant, agents=agents, source=b""))
+
+
+def _starting_in(agent: Agent, box: Mapping[str, Interval]) -> Agent:
+    """The agent with the sides of its initial box that the mapping has."""
+    z, x = (
+        tuple(box.get(name.name, side) for name, side in zip(names, sides, strict=True))
+        for names, sides in ((agent.zero_states, agent.initial.z), (agent.chain, agent.initial.x))
+    )
+    return replace(agent, initial=replace(agent.initial, z=z, x=x))
 
 
 def _lines(title: str, table: Description, where: str, units: Mapping[str, str]) -> list[str]:
@@ -176,8 +258,8 @@ def _highest(f: Any) -> int:
 
 
 def _renamed(value: Any, names: Mapping[Any, sympy.Symbol]) -> Any:
-    if isinstance(value, sympy.Expr) and names:
-        return value.xreplace(dict(names))
+    if isinstance(value, sympy.Expr):
+        return without_time(value).xreplace(dict(names))
     if isinstance(value, Mapping):
         return {key: _renamed(entry, names) for key, entry in value.items()}
     return value

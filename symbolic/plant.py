@@ -110,7 +110,7 @@ class Agent:
         return tuple(sympy.Symbol(f"x{k}", real=True) for k in range(1, self.order + 1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plant:
     """One plant file. ``sha256`` is the digest of its bytes ``source``, which a certificate is bound to.
 
@@ -134,6 +134,15 @@ class Plant:
         for entries in (self.gains, self.requirements, self.implementations):
             if len(entries) not in (0, len(self.agents)):
                 raise ValueError("gains, requirements and implementations have one entry per agent, or none")
+
+    def __repr__(self) -> str:
+        """A line; ``write_plant`` says everything."""
+        orders = sorted({agent.order for agent in self.agents})
+        shown = ", ".join(map(str, orders))
+        return (
+            f"<Plant {self.name!r}: {len(self.agents)} agents of order {shown}, {len(self.digraph.edges)} edges, "
+            f"{len(self.exosystem.states)} exosystem states, sha256 {self.sha256[:12]}…>"
+        )
 
     def gains_of(self, number: int) -> RequestedGains:
         """What the user fixed of the gains of agent ``number`` (from 1)."""

@@ -29,6 +29,7 @@ from symbolic.tables import (
     constant,
     integer,
     interval,
+    kind,
     number,
     read_toml,
     string,
@@ -153,9 +154,7 @@ def _edge(entry: Value, where: Where, agents: int) -> Edge:
 def _exosystem(table: Table, scope: Scope, given: bool) -> tuple[Exosystem, Scope]:
     if not given:
         return Exosystem((), sympy.ImmutableMatrix(0, 0, []), ()), scope
-    states = table.read(
-        "states", 'states = ["v1", "v2"]', partial(array, most=MAX_EXOSYSTEM, what="states"), list[Value]()
-    )
+    states = table.read("states", 'states = ["v1", "v2"]', _states, list[Value]())
     for position, state in enumerate(states, 1):
         scope = scope.with_state(state, table.at("states").at(position), "an exosystem state")
     names = scope.exosystem
@@ -165,6 +164,13 @@ def _exosystem(table: Table, scope: Scope, given: bool) -> tuple[Exosystem, Scop
     read = partial(interval, constants=scope.constants)
     initial = tuple(start.read(name, f"{name} = 0", read, ORIGIN) for name in names) if start else ()
     return Exosystem(tuple(symbol(name) for name in names), rows, initial), scope
+
+
+def _states(value: Value, where: Where) -> list[Value]:
+    if isinstance(value, str):  # one state without brackets is read as if they were there
+        where.report(messages.ARRAY(found=kind(value)))
+        return [value]
+    return array(value, where, most=MAX_EXOSYSTEM, what="states")
 
 
 def _square(value: Value, where: Where, constants: Mapping[str, sympy.Expr], size: int) -> sympy.ImmutableMatrix:

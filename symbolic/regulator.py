@@ -17,6 +17,7 @@ from symbolic.steady_state import (
     parameter_box,
     proved,
     right_hand_side,
+    root_symbol,
     steady_input,
     verified,
 )
@@ -74,10 +75,22 @@ def _by_blocks(agent: Agent, exosystem: Exosystem) -> SteadyState | NoSteadyStat
     """Solves the zero dynamics along their dependence, each block after those it depends on."""
     z, f0, box = agent.zero_states, right_hand_side(agent), parameter_box(agent)
     known: dict[sympy.Symbol, sympy.Expr] = {}
+    roots: list[sympy.Symbol] = []
     for block in _blocks(z, f0):
         tried: list[str] = []
         equations = tuple(f0[z.index(name)].xreplace(known) for name in block)
+        unsolved = [name for name in roots if any(f.has(root_symbol(name)) for f in equations)]
+        if unsolved:
+            return NoSteadyState(
+                "unknown",
+                f"the equation of {block[0]} depends on {unsolved[0]}, whose steady state has no closed form: "
+                "give steady_state",
+            )
         problem, outcome = _solved_block(block, equations, exosystem, tried)
+        if isinstance(outcome, NotFound) and _is_root(block, equations, agent):
+            roots.append(block[0])
+            known[block[0]] = root_symbol(block[0])
+            continue
         if isinstance(outcome, NotFound):
             names = ", ".join(str(name) for name in block)
             return NoSteadyState(
@@ -97,12 +110,19 @@ def _by_blocks(agent: Agent, exosystem: Exosystem) -> SteadyState | NoSteadyStat
                 if first
                 else NoSteadyState("unknown", f"for the part of z* found before, {obstacle.reason}", obstacle.evidence)
             )
-    return _accepted(agent, exosystem, tuple(known[name] for name in z))
+    return _accepted(agent, exosystem, tuple(known[name] for name in z), tuple(roots))
 
 
-def _accepted(agent: Agent, exosystem: Exosystem, z_star: tuple[sympy.Expr, ...]) -> SteadyState | NoSteadyState:
+def _is_root(block: tuple[sympy.Symbol, ...], equations: tuple[sympy.Expr, ...], agent: Agent) -> bool:
+    """One component that the consensus value and the parameters alone drive rests at a zero of its ``f0``."""
+    return len(block) == 1 and equations[0].free_symbols <= {*block, COST_VARIABLE, *agent.parameters}
+
+
+def _accepted(
+    agent: Agent, exosystem: Exosystem, z_star: tuple[sympy.Expr, ...], roots: tuple[sympy.Symbol, ...] = ()
+) -> SteadyState | NoSteadyState:
     """The last word on what the search has found is the residual in the original equations."""
-    answer = proved(agent, exosystem, z_star, "ansatz")
+    answer = proved(agent, exosystem, z_star, "root" if roots else "ansatz", roots)
     if isinstance(answer, SteadyState):
         return answer
     return NoSteadyState("unknown", f"the ansatz gave an expression of which {answer.reason}", answer.evidence)

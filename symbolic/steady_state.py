@@ -19,13 +19,16 @@ _SMOOTH_EVERYWHERE = (sympy.exp, sympy.sin, sympy.cos, sympy.tanh, sympy.sinh, s
 class SteadyState:
     """``z*(s, v, w)``, one entry per zero state, and ``u*(s, v, w) = −f(z*, s, 0, v, w)/b(w)``, as exact expressions.
 
-    ``source``: ``none`` (no zero dynamics), ``ansatz`` (found here) or ``user`` (given, and proved to be one).
+    ``source``: ``none`` (no zero dynamics), ``ansatz`` (found here), ``user`` (given, and proved to be one) or
+    ``root``: the components of ``roots`` have no closed form, and ``root_symbol`` stands for the only zero of their
+    ``f0``.
     Parameters whose interval is a single point are replaced by their value.
     """
 
     z_star: tuple[sympy.Expr, ...]
     u_star: sympy.Expr
     source: str
+    roots: tuple[sympy.Symbol, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,11 @@ class NoSteadyState:
     verdict: str
     reason: str
     evidence: Mapping[str, str] = field(default_factory=dict)
+
+
+def root_symbol(z: sympy.Symbol) -> sympy.Symbol:
+    """What stands for ``z*`` where it has no closed form; no name of a user's holds an asterisk."""
+    return sympy.Symbol(f"{z}*", real=True)
 
 
 def parameter_box(agent: Agent) -> Box:
@@ -64,13 +72,22 @@ def steady_input(agent: Agent, z_star: tuple[sympy.Expr, ...]) -> sympy.Expr:
 
 
 def proved(
-    agent: Agent, exosystem: Exosystem, z_star: tuple[sympy.Expr, ...], source: str
+    agent: Agent,
+    exosystem: Exosystem,
+    z_star: tuple[sympy.Expr, ...],
+    source: str,
+    roots: tuple[sympy.Symbol, ...] = (),
 ) -> SteadyState | NoSteadyState:
-    """The steady state if every residual and z*(0, 0, w) are proved to be zero; otherwise the first that is not."""
+    """The steady state if every residual and z*(0, 0, w) are proved to be zero; otherwise the first that is not.
+
+    Of the components in ``roots`` nothing is said but that ``f0`` depends on that component, ``s`` and ``w`` alone.
+    """
     box = parameter_box(agent)
     origin = dict.fromkeys((COST_VARIABLE, *exosystem.states), sympy.Integer(0))
     residuals = regulator_residuals(agent, exosystem, z_star)
     for name, z, residual in zip(agent.zero_states, z_star, residuals, strict=True):
+        if name in roots:
+            continue
         for what, expr in (
             (f"{name}*(0, 0, w)", z.xreplace(origin)),
             (f"the residual of the regulator equation of {name}", residual),
@@ -80,7 +97,7 @@ def proved(
                 shown = excerpt(normal_form(expr)) if expr.count_ops() <= MAX_OPERATIONS else excerpt(expr)
                 reason = f"{what} is {'not zero' if test.verdict == 'fails' else 'not shown to be zero'}"
                 return NoSteadyState(test.verdict, reason, {"residual": shown, **test.at})
-    return SteadyState(z_star, steady_input(agent, z_star), source)
+    return SteadyState(z_star, steady_input(agent, z_star), source, roots)
 
 
 def verified(agent: Agent, exosystem: Exosystem, given: tuple[sympy.Expr, ...]) -> SteadyState | NoSteadyState:

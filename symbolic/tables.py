@@ -243,6 +243,8 @@ def is_interval(value: Value) -> bool:
 
 def interval(value: Value, where: Where, constants: Mapping[str, sympy.Expr], refused: Refusal = unrefused) -> Interval:
     """A pair ``[lo, hi]`` of rational numbers, or one number for a point."""
+    if isinstance(value, str) and value.lstrip().startswith("["):
+        raise where.error(messages.INTERVAL_TEXT())
     if not isinstance(value, list):
         point = number(value, where, constants, refused)
         return Interval(point, point)

@@ -14,6 +14,7 @@ import sympy
 from symbolic.constants import as_fraction
 from symbolic.errors import InputError
 from symbolic.expression_text import expression_text, number_text
+from symbolic.tables import Decimal as TomlDecimal
 
 Units = Mapping[str, str]
 
@@ -27,6 +28,8 @@ def toml_value(value: Any, where: str = "value", units: Units | None = None, uni
     """
     if isinstance(value, Mapping):
         return _table(value, where, units or {}, unit)
+    if isinstance(value, TomlDecimal):
+        return value.text
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if hasattr(value, "to_base_units"):

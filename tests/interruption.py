@@ -1,6 +1,6 @@
 """Interrupt commands of the command line at random moments and look at what is left.
 
-    python -m tests.interruption [--moments N] [--seed S]
+    python -m tests.interruption [--moments N] [--seed S] [--only COMMAND …]
 
 prints one row per command and signal: how often it was interrupted and how often it had finished before, the longest
 time from the signal to the end in seconds, and what was wrong (nothing should be).
@@ -80,8 +80,7 @@ class Running:
 
     def processes(self) -> list[int]:
         """All living processes of the command."""
-        mark = f"{TOKEN}={self.token}".encode()
-        return [pid for pid in _pids() if mark in _environment(pid)]
+        return marked(self.token)
 
     def interrupt(self, number: signal.Signals) -> float:
         """Send the signal; seconds until the command has ended."""
@@ -135,6 +134,12 @@ def _faults(
         yield f"only {sorted(new)} are new"
 
 
+def marked(token: str) -> list[int]:
+    """The living processes with the token in their environment."""
+    mark = f"{TOKEN}={token}".encode()
+    return [pid for pid in _pids() if mark in _environment(pid)]
+
+
 def until(condition: object) -> None:
     """Wait for a condition (a function without arguments) to hold."""
     begun = time.monotonic()
@@ -178,13 +183,14 @@ def main() -> int:
     parser.add_argument("--moments", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--plant", type=Path, default=ROOT / "examples" / "first_order.toml")
+    parser.add_argument("--only", nargs="+", choices=list(COMMANDS), default=list(COMMANDS))
     options = parser.parse_args()
     generator, wrong = random.Random(options.seed), 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         certificate = folder / "certificate.json"
         duration(folder, ("gains", str(options.plant), "-o", str(certificate)))
-        for command in COMMANDS:
+        for command in options.only:
             arguments = arguments_of(command, options.plant, certificate, folder)
             usual = duration(folder, arguments)
             for number in (signal.SIGINT, signal.SIGTERM):

@@ -78,8 +78,9 @@ class _Problem:
         self.outside = Outside(
             Exosystem(model.S or [], Q, facts.v_at_start, facts.v),
             reference,
-            witness.steady_state,
+            facts.agents[number - 1].steady_nodes,
             self.agent.parameters,
+            facts.agents[number - 1].roots,
         )
         self.witness = _refined(witness, self.agent, refine)
         self.loop = loop.build(self.agent, self.claim, witness)

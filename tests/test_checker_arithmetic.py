@@ -433,3 +433,24 @@ def test_the_meter_stops_a_check() -> None:
 )
 def test_numbers_are_shown_short(value: object, text: str) -> None:
     assert show(value) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("p*x*x/4", "p*x^2/4"),
+        ("(p*x)*x", "p*x^2"),
+        ("x/p/p", "x/p^2"),
+        ("(x/p)*(x/p)", "x^2/p^2"),
+        ("2*2*x*x^3", "2*2*x^4"),
+    ],
+)
+def test_equal_factors_are_one_power(text: str, same: str) -> None:
+    """As the search reads them: ``p·(x·x)`` in two steps is enclosed more widely than ``p·x²``."""
+    assert expression(text, "x", "p") == expression(same, "x", "p")
+
+
+def test_factors_and_divisors_are_not_set_off_against_each_other() -> None:
+    for text in ("x^2/x", "x*x^-1", "p*x/(p*x)"):
+        with pytest.raises(Undecided):
+            evaluate(expression(text, "x", "p"), {"x": between(-1, 1), "p": between(-1, 1)}, enclose, functions.call)

@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from certify.checker import linear
 from certify.checker.balls import BITS, precision
 from certify.checker.certificate import read_certificate
-from certify.checker.expressions import Name, evaluate, names_in, parse
+from certify.checker.expressions import Name, Node, evaluate, names_in, parse
 from certify.checker.functions import call
 from certify.checker.intervals import between, enclose
 from certify.checker.plant import read_plant
@@ -381,12 +381,16 @@ def test_the_reference_is_the_hull_over_the_steps_met(
     assert (round(found.y.hi), round(found.distance.hi), found.speed.hi) == (high, distance, speed)
 
 
+def read(*texts: str) -> list[Node]:
+    return [parse(text, {name: Name(name) for name in ("s", "v1", "v2", "p")}) for text in texts]
+
+
 def test_the_exosystem_and_the_steady_state_are_enclosed_in_time() -> None:
     v0 = {"v1": enclose(0), "v2": between(1, Fraction(9, 8))}
     forever = {name: between(-2, 2) for name in v0}
     S = [[Fraction(0), Fraction(4, 5)], [Fraction(-4, 5), Fraction(0)]]
     exosystem = Exosystem(S, linear.identity(2), v0, forever)
-    outside = Outside(exosystem, REFERENCE, ["v1/p + s", "p*v2"], {"p": (Fraction(1), Fraction(2))})
+    outside = Outside(exosystem, REFERENCE, read("v1/p + s", "p*v2"), {"p": (Fraction(1), Fraction(2))}, {})
     for a, b in pairwise([Fraction(k, 3) for k in range(30)]):
         found = outside.during(a, b)
         width = float(max(v.hi - v.lo for v in found.v.values()))
@@ -419,14 +423,14 @@ def test_in_the_tail_the_ellipse_of_the_exosystem_bounds_the_steady_state() -> N
         v0,
         dict.fromkeys(v0, between(-1, 1)),
     )
-    outside = Outside(exosystem, REFERENCE, ["v1 + v2", "v1*v2"], {})
+    outside = Outside(exosystem, REFERENCE, read("v1 + v2", "v1*v2"), {}, {})
     by_sum, by_product = outside.in_tail().steady_state
     assert 2 <= by_sum.hi**2 < 2.001
     assert (by_product.lo, by_product.hi) == (-1, 1)
 
 
 def test_a_steady_state_that_may_divide_by_zero_is_undecided() -> None:
-    outside = Outside(Exosystem([], [], {}, {}), REFERENCE, ["s/p"], {"p": (Fraction(-1), Fraction(1))})
+    outside = Outside(Exosystem([], [], {}, {}), REFERENCE, read("s/p"), {"p": (Fraction(-1), Fraction(1))}, {})
     with pytest.raises(Undecided, match="division"):
         outside.in_tail()
     assert parse("p", {"p": Name("p")}) == Name("p")

@@ -20,7 +20,7 @@ schema = "consensus-plant/1"
 name = "motors"
 network = {{ agents = 2, edges = [["1 -> 2", "{per}"], ["2 -> 1", "{per}"]] }}
 initial = {{ box = [-1, 1], reference = 0, observer = 0, eta = 0 }}
-coordinator = {{ alpha1 = 2, alpha2 = 1 }}
+coordinator = {{ alpha1 = 2, alpha2 = 1, mixing_gain = 1, mixing_time = "1/2/{per}" }}
 gains = {{ g = 1, K = 4, delta = 20 }}
 [[agent]]
 ids = [1, 2]

@@ -51,9 +51,8 @@ def first_phase(name: str) -> FirstPhase:
     assert not isinstance(witness, assumptions.AgentWitness)
     reference = coordinator.prove(plant, read, facts)[0].reference
     Q = read.witness.exosystem.Q if read.witness.exosystem else []
-    outside = Outside(
-        Exosystem(plant.S or [], Q, facts.v_at_start, facts.v), reference, witness.steady_state, agent.parameters
-    )
+    around, known = Exosystem(plant.S or [], Q, facts.v_at_start, facts.v), facts.agents[0]
+    outside = Outside(around, reference, known.steady_nodes, agent.parameters, known.roots)
     increments = Increments(agent, reference.optimum, facts.agents[0].w, ZeroRanges("agent 1", agent, witness.ranges))
     return FirstPhase("agent 1", agent, claim, witness, facts.agents[0], outside, increments, tabulate)
 

@@ -68,6 +68,29 @@ def test_rooms_of_the_same_name_do_not_take_the_place_of_functions() -> None:
     assert rooms[1].certified_region is not certify.region
 
 
+@pytest.mark.parametrize(
+    ("mine", "use", "said"),
+    [
+        (("reports", "sims"), "print(certify.check(certify.example('first_order')).status)", "holds"),
+        (("reports",), "certify.report(certify.example('rooms'), b'')", "reports.py bears that name"),
+        (("sims",), "certify.simulate(certify.example('rooms'))", "sims.py bears that name"),
+        (("symbolic",), "certify.example()", "symbolic.py bears that name"),
+    ],
+)
+def test_modules_of_the_user_are_left_alone(tmp_path: Path, mine: tuple[str, ...], use: str, said: str) -> None:
+    """Before and after the door is used; where one is in the way of what is asked, that is said."""
+    for name in mine:
+        (tmp_path / f"{name}.py").write_text("OWN = True\n")
+    script = tmp_path / "script.py"
+    imports = f"import {', '.join(mine)}\n"
+    script.write_text(
+        f"import certify\ntry:\n    {use}\nexcept ImportError as error:\n    print(error)\n{imports}"
+        f"assert all(module.OWN for module in ({', '.join(mine)},))\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert said in done.stdout
+
+
 def test_docstrings_of_the_door_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(EXAMPLES.parent)
     for module in (certify, importlib.import_module("certify.door")):

@@ -90,7 +90,7 @@ def test_results_come_in_the_order_of_the_tasks(workers: int) -> None:
 
 def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"pip install 'consensus-certify\[cluster\]'"):
+    with pytest.raises(InputError, match=r"pip install 'distributed>="):
         list(run_tasks(square, range(2), scheduler="tcp://127.0.0.1:8786"))
 
 

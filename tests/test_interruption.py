@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from interruption import COMMANDS, RESULTS, ROOT, Running, arguments_of, interrupted, until
+from interruption import COMMANDS, RESULTS, ROOT, TOKEN, Running, arguments_of, interrupted, marked, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are looked up in /proc")
 
@@ -121,6 +121,30 @@ def test_what_is_being_written_is_written(tmp_path: Path) -> None:
         assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == dict.fromkeys(
             ("0.json", "1.json", "2.json"), left
         )
+
+
+def test_nothing_that_was_started_outlives_the_command(tmp_path: Path) -> None:
+    """Neither a compiler at work nor the folder it works in, also where they know nothing of who started them."""
+    script = (
+        "import subprocess, sys, time; import reports.supervisor as s; from certify.files import temporary_folder\n"
+        "def work():\n    with temporary_folder() as folder:\n"
+        "        inner = subprocess.Popen(['sh', '-c', 'sleep 300 & sleep 300'], stdout=subprocess.DEVNULL)\n"
+        "        (folder / 'file').write_text('x'); print(folder, flush=True); time.sleep(300)\n"
+        "s._command = work; sys.exit(s.main())"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script],
+        env=os.environ | {"PYTHONPATH": str(ROOT), TOKEN: str(tmp_path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert process.stdout is not None
+    folder = Path(process.stdout.readline().strip())
+    until(lambda: len(marked(str(tmp_path))) >= 5 and folder.is_dir())
+    process.send_signal(signal.SIGINT)
+    assert process.wait() == 130
+    assert marked(str(tmp_path)) == [] and not folder.exists()
 
 
 def test_an_ignored_interruption_stays_ignored(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from wrong.plants import LIMITS, PLANT, WRONG, Wrong
 
 from certify.checker.plant import read_plant
 from certify.checker.verdict import Malformed
+from certify.verification import verification
 from symbolic import messages
 from symbolic.errors import InputError
 from symbolic.plant_file import parse_plant
@@ -139,3 +140,10 @@ def test_lines_are_counted_alike(newline: str) -> None:
     text = PLANT.replace("(s - id)^2", "(s - ids)^2").replace("\n", newline)
     with pytest.raises(InputError, match=r"^plant\.toml:29:14: agent\[1\]\.cost: column 6: unknown name 'ids'"):
         parse_plant(text.encode(), "plant.toml")
+
+
+def test_verify_says_as_much_of_a_wrong_plant_as_the_other_commands() -> None:
+    wrong = PLANT.replace("order = 2", "order = 0").replace("(s - id)^2", "(s - ids)^2").encode()
+    with pytest.raises(InputError) as caught:
+        verification(wrong, b"{}", plant_name="plant.toml")
+    assert [line.partition(": ")[0] for line in caught.value.lines] == ["plant.toml:26:9", "plant.toml:29:14"]

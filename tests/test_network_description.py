@@ -84,7 +84,7 @@ def test_designers_values_are_zero_unless_a_box_is_given() -> None:
         ({"initial": {"x": float("inf")}}, "initial: x: a finite number"),
         ({"initial": {"x": object()}}, "initial: x: a number, an expression or a text is needed, found object"),
         ({"gains": {"K": True}}, "gains: K: a number is needed, found True"),
-        ({"gains": {"k": 1}}, "gains: unknown key 'k'; known keys: g, K"),
+        ({"gains": {"k": 1}}, "gains: unknown key 'k'; did you mean 'K'"),
         ({"agents": agent(sympy.Abs(theta), s**2)}, r"agent\[1\]\.f: column 1: unknown function 'Abs'"),
         ({"agents": agent(sympy.Symbol("y") + 1, s**2)}, r"agent\[1\]\.f: column 1: 'y' may not appear"),
         ({"graph": nx.DiGraph()}, "pendulums: graph: at least one node"),

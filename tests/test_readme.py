@@ -38,10 +38,11 @@ def test_plant_file_can_be_read(tmp_path: Path) -> None:
 
 
 def test_every_command_is_described_and_every_description_is_a_command(capsys: pytest.CaptureFixture[str]) -> None:
-    described = re.findall(r"^\| `certify (\w+)", README, flags=re.MULTILINE)
+    described = re.findall(r"^\| `certify ([\w-]+)", README, flags=re.MULTILINE)
     assert main(["--help"]) == 0
     listed = capsys.readouterr().out.split("Commands:")[1]
-    assert described == re.findall(r"^  (\w+)  ", listed, flags=re.MULTILINE)
+    described = list(dict.fromkeys(described))  # one with several uses may have several rows
+    assert described == re.findall(r"^  ([\w-]+)  ", listed, flags=re.MULTILINE)
     for name in described:
         assert main([name, "--help"]) == 0
 

@@ -141,7 +141,7 @@ def test_an_equilibrium_that_is_not_smooth_at_zero_is_not_called_none() -> None:
 @pytest.mark.parametrize(
     ("f0", "tried"),
     [
-        ([-Z1 - Z1**3 + X1], "no polynomial of degree 8"),
+        ([-Z1 - Z1**3 + X1 + V1], "no polynomial of degree 8"),
         ([-Z1 + sin(V1)], "not a rational function"),
         ([-Z1 + X1, Z1 * Z2 - Z2**2 - Z2 + V1], "no polynomial of degree 8"),
     ],

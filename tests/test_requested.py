@@ -126,14 +126,17 @@ def test_refused_by_both_readers(more: str, message: str) -> None:
 
 
 UNPROVED = [
-    ("[coordinator]\ngradient_gain = 2", "coordinator.gradient_gain"),
-    ("[coordinator]\nmixing_gain = 2", "coordinator.mixing_gain"),
-    ("[coordinator]\nmixing_time = 1", "coordinator.mixing_time"),
-    ("[coordinator]\nsoftening = 1", "coordinator.softening"),
     ("[implementation]\nperiod = 1", "[implementation]"),
     ("[requirements]\ninput = 1", "requirements"),
     ("[requirements.1]\nregion = 'largest'", "requirements"),
 ]
+
+
+def claimed_of(data: bytes) -> bytes:
+    """The corpus' certificate with the digest of another plant file in its claim."""
+    return CERTIFICATE.replace(
+        parse_plant(CORPUS, "p.toml").sha256.encode(), parse_plant(data, "p.toml").sha256.encode()
+    )
 
 
 @pytest.mark.parametrize(("more", "name"), UNPROVED)
@@ -145,21 +148,18 @@ def test_what_is_not_proved_is_not_ignored(more: str, name: str) -> None:
     assert isinstance(stopped, Stopped)
     assert stopped.status == "inconclusive"
     assert name in stopped.reason
-    claim_on_it = CERTIFICATE.replace(
-        parse_plant(CORPUS, "p.toml").sha256.encode(), parse_plant(data, "p.toml").sha256.encode()
-    )
-    verdict = check(data, claim_on_it)
+    verdict = check(data, claimed_of(data))
     assert verdict.status == "rejected"
     assert name in verdict.detail
 
 
-def test_the_papers_coordinator_may_be_written_out() -> None:
-    lines = "gradient_gain = 1\nmixing_gain = 1\nmixing_time = 0\nsoftening = 0"
-    data = f"{CORPUS.decode()}\n[coordinator]\n{lines}\n".encode()
-    plant = parse_plant(data, "p.toml")
-    assert not isinstance(prepare(plant, check_assumptions(plant), lambda message: None), Stopped)
-    claim_on_it = CERTIFICATE.replace(parse_plant(CORPUS, "p.toml").sha256.encode(), plant.sha256.encode())
-    assert check(data, claim_on_it).status == "verified"
+@pytest.mark.parametrize("key", ["alpha1", "alpha2", "gradient_gain", "mixing_gain", "mixing_time", "softening"])
+def test_a_claim_keeps_what_the_file_fixes_of_the_coordinator(key: str) -> None:
+    lines = {"mixing_time": "0", key: '"3/7"'}
+    data = CORPUS.replace(b"mixing_time = 0", "\n".join(f"{name} = {value}" for name, value in lines.items()).encode())
+    assert data != CORPUS
+    verdict = check(data, claimed_of(data))
+    assert (verdict.status, verdict.obligation) == ("rejected", f"{key} is fixed by the plant file")
 
 
 def test_a_claim_keeps_the_gains_of_each_agent() -> None:

@@ -70,10 +70,12 @@ def test_what_stands_in_the_way_is_named_and_the_nearest_set_passes() -> None:
     result = designed(f'[requirements]\nsettling = {{ time = "1/2", {band} }}\ninput = 5')[1]
     assert result.status == "inconclusive"
     assert "requirements.settling" in result.reason
-    nearest = re.findall(r"the nearest set that passes: (settling = \{[^}]*\}), input = ([^,;]+)", result.reason)
+    set_ = r"the nearest set that passes: (settling = \{[^}]*\}), input = ([^,;]+), with K = ([^,;]+), delta = ([^ ]+) "
+    nearest = re.findall(set_, result.reason)
     assert len(nearest) == 2
-    tables = [f"[requirements.{i}]\n{settling}\ninput = {limit}" for i, (settling, limit) in enumerate(nearest, 1)]
-    certified("\n".join(tables))
+    for i, (settling, limit, K, delta) in enumerate(nearest, 1):
+        table = f'[requirements.{i}]\n{settling}\ninput = {limit}\n[gains.{i}]\nK = "{K}"\ndelta = "{delta}"'
+        certified(table)
 
 
 def test_gains_that_are_fixed_are_kept() -> None:

@@ -15,13 +15,14 @@ from certify.assumptions.a5_steady_input import check_steady_input
 from certify.assumptions.a6_zero_dynamics import check_zero_dynamics
 from certify.assumptions.findings import CheckReport, Finding
 from certify.assumptions.second_opinion import SecondOpinion
+from certify.bounds.roots import root_brackets
 from certify.foreseen import seen_optimum
 from certify.optimum import NoOptimumError, Optimum, optimum
 from symbolic.constants import as_rational
 from symbolic.internal_model import InternalModel, internal_model
-from symbolic.plant import COST_VARIABLE, Agent, Exosystem, Plant
+from symbolic.plant import COST_VARIABLE, Agent, Exosystem, Interval, Plant
 from symbolic.regulator import solve_regulator
-from symbolic.steady_state import SteadyState
+from symbolic.steady_state import NoSteadyState, SteadyState
 
 
 def check_assumptions(plant: Plant) -> CheckReport:
@@ -48,16 +49,28 @@ def _dynamics(
 ) -> tuple[Finding, Finding, Finding, Finding]:
     """A0, A3, A5 and A6 of one agent; they do not depend on its number or its cost."""
     found = solve_regulator(agent, exosystem)
-    steady_state = found if isinstance(found, SteadyState) else None
-    regulator = check_regulator(agent, found)
+    roots = _roots(agent, found, seen)
+    steady_state = found if isinstance(found, SteadyState) and not isinstance(roots, str) else None
+    regulator = check_regulator(agent, found, roots)
     if steady_state is not None:
         regulator = opinion.on_steady_state(regulator, agent.id, steady_state)
     return (
         opinion.on_origin(check_origin(agent, exosystem), agent.id),
         regulator,
         _steady_input(agent, exosystem, steady_state, seen, spectrum, opinion),
-        check_zero_dynamics(agent, exosystem, steady_state, None if seen is None else seen.exact),
+        check_zero_dynamics(agent, exosystem, None if roots else steady_state, None if seen is None else seen.exact),
     )
+
+
+def _roots(
+    agent: Agent, found: SteadyState | NoSteadyState, seen: Optimum | None
+) -> dict[sympy.Symbol, Interval] | str:
+    """Around the components of ``z*`` without closed form; a reason where they are not enclosed."""
+    if not isinstance(found, SteadyState) or not found.roots:
+        return {}
+    if seen is None:
+        return "the zero of f0 is enclosed around the optimum, which A1 leaves open"
+    return root_brackets(agent, found, seen.enclosure)
 
 
 def _optimum(plant: Plant) -> Optimum | None:

@@ -6,12 +6,14 @@ the checker alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
 from certify.assumptions.findings import Finding
+from certify.bounds.roots import root_brackets
 from certify.certificate import expression
+from certify.checker.certificate import Root
 from certify.checker.intervals import Interval
 from certify.checker.rules.assumptions import AgentProof, prove_exosystem, prove_network
 from certify.checker.subdivision import CUTS
@@ -47,7 +49,7 @@ class SecondOpinion:
 
     def on_steady_state(self, finding: Finding, number: int, found: SteadyState) -> Finding:
         def ask() -> None:
-            proof = self._agent(number, tuple(map(expression, found.z_star)), ())
+            proof = self._agent(number, self._steady_state(number, found), ())
             proof.regulator()
             proof.steady_state(proof.v, CUTS)
 
@@ -58,7 +60,7 @@ class SecondOpinion:
             ell = [entry for entry in model.ell if isinstance(entry, Fraction)]
             if len(ell) < model.order:
                 raise Undecided("the generator of u* has irrational coefficients")
-            self._agent(number, tuple(map(expression, found.z_star)), ell).immersion()
+            self._agent(number, self._steady_state(number, found), ell).immersion()
 
         return self._on(finding, ask)
 
@@ -96,8 +98,18 @@ class SecondOpinion:
             raise Undecided("S keeps no quadratic form with rational entries")
         return prove_exosystem(read, [list(row) for row in bounds.Q])
 
+    def _steady_state(self, number: int, found: SteadyState) -> list[str | Root]:
+        agent = self.plant.agents[number - 1]
+        sides = root_brackets(agent, found, self.optimum.enclosure) if self.optimum is not None else {}
+        if isinstance(sides, str):
+            raise Undecided(sides)
+        return [
+            Root((sides[z].lo, sides[z].hi)) if z in sides else expression(component)
+            for z, component in zip(agent.zero_states, found.z_star, strict=True)
+        ]
+
     def _agent(
-        self, number: int, steady_state: tuple[str, ...], ell: tuple[Fraction, ...] | list[Fraction]
+        self, number: int, steady_state: Sequence[str | Root], ell: tuple[Fraction, ...] | list[Fraction]
     ) -> AgentProof:
         read = plant_as_read(self.plant.source)
         if read.S is None:  # A0 does not depend on it

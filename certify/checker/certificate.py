@@ -33,7 +33,6 @@ MAX_DEGREE = 32
 MAX_COEFFICIENT = 1 << 256
 
 Row = tuple[Fraction, ...]
-Texts = tuple[str, ...]
 Modes = Matrix
 Blocks = tuple[int, ...]
 Rates = Row
@@ -46,6 +45,16 @@ Ranges = tuple[Matrix, ...]
 Curve = tuple[tuple[tuple[int, ...], ...], ...]
 T = TypeVar("T")
 _NUMBER = re.compile(r"(0|-?[1-9][0-9]*)(?:/([1-9][0-9]*))?")
+
+
+@dataclass(frozen=True)
+class Root:
+    """``[lo, hi]`` around the only zero of ``f0``: a component of ``z*`` without closed form."""
+
+    root: Row
+
+
+SteadyState = tuple[str | Root, ...]
 
 
 @dataclass(frozen=True)
@@ -139,7 +148,7 @@ class AgentWitness:
     """Steady state, immersion, Lyapunov matrices, level and weights of one agent."""
 
     id: int
-    steady_state: Texts
+    steady_state: SteadyState
     ell: Row
     V0: Matrix
     P1: Matrix
@@ -206,7 +215,7 @@ class DirectAgentWitness:
     """
 
     id: int
-    steady_state: Texts
+    steady_state: SteadyState
     ell: Row
     nominal: NominalSlopes
     modes: Modes
@@ -349,6 +358,11 @@ def _coefficients(value: Any) -> tuple[int, ...]:
     return found
 
 
+def _component(value: Any) -> str | Root:
+    root: Root | None = _table(Root, value) if isinstance(value, dict) else None
+    return _text(value) if root is None else root
+
+
 def _canonical(value: Any) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
@@ -363,7 +377,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "Fraction": _number,
     "Fraction | None": lambda value: None if value is None else _number(value),
     "Row": _row,
-    "Texts": lambda value: tuple(map(_text, _list(value))),
+    "SteadyState": lambda value: tuple(map(_component, _list(value))),
     "Matrix": _matrix,
     "Exosystem | None": lambda value: None if value is None else _table(Exosystem, value),
     "Settling | None": lambda value: None if value is None else _table(Settling, value),

@@ -15,7 +15,7 @@ Every part without names must be enclosed by an interval: ``log(0)`` or ``1/(sqr
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import compress
@@ -245,7 +245,7 @@ class _Parser:
         while self.token in ("*", "/"):
             divides = self.step() == "/"
             factors.append((self.unary(), divides))
-        return factors[0][0] if len(factors) == 1 else _folded(Product(tuple(factors)))
+        return factors[0][0] if len(factors) == 1 else _folded(_collected(factors))
 
     def unary(self) -> Node:
         if self.token not in ("+", "-"):
@@ -333,6 +333,33 @@ def _power(base: Node, exponent: Fraction) -> Node:
     if exponent.numerator == 1 < exponent.denominator:
         return base
     return _folded(Power(base, exponent.numerator))
+
+
+def _collected(factors: Sequence[tuple[Node, bool]]) -> Node:
+    """The product with equal factors as one power, each where it stood first: ``x·x`` is ``x²``, which is enclosed more
+    tightly and smooth at the same points. Factors and divisors are not set off against each other."""
+    powers: dict[tuple[Node, bool], int] = {}
+    for factor, divides in _flat(factors):
+        base, exponent = factor, 1
+        if isinstance(factor, Power) and factor.exponent > 0:
+            base, exponent = factor.base, factor.exponent
+        known = powers.get((base, divides), 0)
+        if isinstance(base, Number) or known + exponent > MAX_EXPONENT:
+            base, exponent, known = factor, 1, powers.get((factor, divides), 0)
+        powers[base, divides] = known + exponent
+    kept: list[tuple[Node, bool]] = []
+    for (base, divides), exponent in powers.items():
+        repeats = exponent if isinstance(base, Number) else 1
+        kept += [(base if exponent == 1 or repeats > 1 else Power(base, exponent), divides)] * repeats
+    return kept[0][0] if len(kept) == 1 and not kept[0][1] else Product(tuple(kept))
+
+
+def _flat(factors: Sequence[tuple[Node, bool]]) -> Iterator[tuple[Node, bool]]:
+    for factor, divides in factors:
+        if isinstance(factor, Product) and not divides:
+            yield from _flat(factor.factors)
+        else:
+            yield factor, divides
 
 
 def _exact_root(value: Fraction, q: int) -> Fraction | None:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import io
+import os
 import platform
 import shutil
 import subprocess
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from importlib.resources import files
-from pathlib import Path
 
 from certify.export.agent_program import AgentProgram
 from certify.export.c_text import FLAGS, REAL, agent_source, guard, header
+from certify.files import temporary_folder
 
 EPOCH = (1980, 1, 1, 0, 0, 0)  # equal programs give equal archives
 _OUTPUTS = ("time", "y", "u", "reference", "stamp", "sent_y", "omega")
@@ -168,9 +168,10 @@ def _binary(sources: dict[str, str], compiled: Sequence[str]) -> bytes | None:
     compiler = shutil.which("cc")
     if platform.system() != "Linux" or compiler is None:
         return None
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         for file, text in sources.items():
-            (Path(folder) / file).write_text(text, encoding="utf-8")
+            (folder / file).write_text(text, encoding="utf-8")
         command = [compiler, *FLAGS.split(), "-fPIC", "-shared", "-o", "unit.so", *compiled, "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, check=False)
-        return (Path(folder) / "unit.so").read_bytes() if done.returncode == 0 else None
+        places = os.environ | {"TMPDIR": str(folder)}  # for what the compiler would leave if it were killed
+        done = subprocess.run(command, cwd=folder, env=places, capture_output=True, check=False)
+        return (folder / "unit.so").read_bytes() if done.returncode == 0 else None

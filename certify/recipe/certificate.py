@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from certify.agent_model import AgentModel
-from certify.certificate import Json, expression, number, numbers, rows
+from certify.certificate import Json, number, numbers, rows, steady_state
 from certify.recipe.design import AgentRecipe
 
 
@@ -11,7 +11,7 @@ def recipe_witness(model: AgentModel, recipe: AgentRecipe) -> Json:
     matrices, level = recipe.matrices, recipe.level
     return {
         "id": number(model.agent.id),
-        "steady_state": [expression(component) for component in model.steady_state],
+        "steady_state": steady_state(model.steady_state, model.roots),
         "ell": numbers(model.internal_model.ell),
         "V0": rows(matrices.V0),
         "P1": rows(matrices.P1),

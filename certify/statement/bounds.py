@@ -17,6 +17,7 @@ from typing import Literal
 import sympy
 
 from certify.bounds.exosystem import ExosystemBounds, exosystem_bounds
+from certify.bounds.roots import root_brackets
 from certify.bounds.suprema import range_bound
 from certify.coordinator.envelope import AgentEnvelope, Envelope
 from certify.statement.claim import CertifiedGains
@@ -25,7 +26,7 @@ from certify.statement.input_bound import InputBound, input_bound
 from certify.statement.tube import Tube
 from symbolic.derivation import Derivation
 from symbolic.plant import COST_VARIABLE, Agent, Interval, Plant
-from symbolic.steady_state import SteadyState
+from symbolic.steady_state import SteadyState, root_symbol
 
 Target = Literal["steady state", "reference", "origin"]
 Box = Mapping[sympy.Symbol, Interval]
@@ -79,6 +80,10 @@ def proved_bounds(
         box = (
             outside | {COST_VARIABLE: certified.optimum} | dict(zip(agent.parameters, agent.parameter_box, strict=True))
         )
+        roots = root_brackets(agent, derived.steady_state, certified.optimum)
+        if isinstance(roots, str):
+            return f"agent {agent.id}: {roots}"
+        box |= {root_symbol(z): side for z, side in roots.items()}
         input_ = input_bound(agent, claim, claim.tube, derived.steady_state.u_star, box)
         if isinstance(input_, str):
             return input_

@@ -14,16 +14,17 @@ from certify.statement.exact_numbers import Matrix, Row, exact, exact_matrix, ex
 from certify.statement.numbers import floor_log10
 from certify.statement.tube import Tube, tube
 from symbolic.controller import COORDINATOR_KEYS, Controller, CoordinatorGains
-from symbolic.plant import Interval
+from symbolic.plant import Interval, Requirements, Settling
 
 SIMULABLE_UP_TO = 9
+NOTHING_ASKED = Requirements()
 MATRICES = ("V0", "P1", "P2", "P3")
 
 
 @dataclass(frozen=True)
 class AgentClaim:
-    """Gains of the claim and matrices of the witness of one agent; ``observer``, ``psi``, ``N`` and ``tube`` are there
-    where the route proves a tube.
+    """Gains of the claim and matrices of the witness of one agent; ``observer``, ``psi``, ``N``, ``tube`` and the
+    ``requirements`` are there where the route proves a tube.
 
     ``level`` is that of the Lyapunov function, or the largest bound of ``ϑ̃`` from ``T1`` on; ``rate`` the tube's at
     last.
@@ -41,6 +42,7 @@ class AgentClaim:
     psi: Row = ()
     N: Row = ()
     tube: Tube | None = None
+    requirements: Requirements = NOTHING_ASKED
 
 
 @dataclass(frozen=True)
@@ -160,6 +162,16 @@ def _with_tube(found: AgentClaim, claim: Mapping[str, Any], witness: Mapping[str
         psi=psi,
         N=N,
         tube=boxes,
+        requirements=_requirements(claim["requirements"]),
+    )
+
+
+def _requirements(claimed: Mapping[str, Any]) -> Requirements:
+    settling, limit, bandwidth = (claimed[key] for key in ("settling", "input", "bandwidth"))
+    return Requirements(
+        None if settling is None else Settling(exact(settling["time"]), exact(settling["band"])),
+        None if limit is None else exact(limit),
+        None if bandwidth is None else exact(bandwidth),
     )
 
 

@@ -17,24 +17,29 @@ from symbolic.plant import Agent, Interval
 @dataclass(frozen=True)
 class InputBound:
     """``u = ū + Ψη̄ + u*``. Until ``T1``: ``|ū| ≤ saturation``, ``|Ψη̄| ≤ internal`` (``None`` when ``T1 = 0``); always
-    ``|u*(s*, v, w)| ≤ steady``; from ``T1`` on ``|ū + Ψη̄| ≤ tracking``."""
+    ``|u*(s*, v, w)| ≤ steady``; from ``T1`` on ``|ū + Ψη̄| ≤ tracking``. ``|u| ≤ claimed`` is what the checker proves
+    where the claim says so, by sharper bounds than these."""
 
     saturation: Fraction
     internal: Fraction | None
     steady: Fraction
     tracking: Fraction
+    claimed: Fraction | None = None
 
     @property
     def after(self) -> Fraction:
         """Bounds ``|u|`` from ``T1`` on."""
-        return self.tracking + self.steady
+        return self._at_most(self.tracking + self.steady)
 
     @property
     def peak(self) -> Fraction:
         """Bounds ``|u|`` for all time."""
         if self.internal is None:
             return self.after
-        return max(self.saturation + self.internal + self.steady, self.after)
+        return self._at_most(max(self.saturation + self.internal + self.steady, self.after))
+
+    def _at_most(self, bound: Fraction) -> Fraction:
+        return bound if self.claimed is None else min(bound, self.claimed)
 
 
 def input_bound(
@@ -61,4 +66,5 @@ def input_bound(
         internal=max(internal, default=None),
         steady=magnitude_bound(u_star, box).value,
         tracking=tube.peak(first + 1),
+        claimed=claim.requirements.input,
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from certify.bounds.rationals import round_down, round_up
-from certify.certificate import Json, expression, number, numbers, rows
+from certify.certificate import Json, number, numbers, rows, steady_state
 from certify.tube.trial import Trial
 from symbolic.controller import AgentController
 
@@ -19,7 +19,7 @@ def tube_witness(trial: Trial) -> Json:
     model, reached, tube = trial.model, trial.reached, trial.tube
     return {
         "id": number(model.agent.id),
-        "steady_state": [expression(component) for component in model.steady_state],
+        "steady_state": steady_state(model.steady_state, model.roots),
         "ell": numbers(model.internal_model.ell),
         "nominal": {"f0": rows(trial.nominal.f0), "f1": numbers(trial.nominal.f1), "b": number(trial.nominal.b)},
         "modes": rows(trial.modes.H),

@@ -26,10 +26,12 @@ Factors = tuple[Fraction, ...]
 
 @dataclass(frozen=True)
 class Grown:
-    """The largest factor of some sides that was found to pass, and the box; the rest is as in the plant file."""
+    """The largest factor of some sides that was found to pass, the box, and what stops a larger one (empty where
+    nothing did); the rest is as in the plant file."""
 
     factor: Fraction
     box: InitialBox
+    stopped: str
 
 
 def scaled(initial: InitialBox, factors: Factors) -> InitialBox:
@@ -60,17 +62,24 @@ class InitialBoxes:
         self.performances = Performances(trials.model, trials.surroundings)
         self.loop = trials.loop(gains)
         initial = trials.model.agent.initial
+        self.stopped = ""
         self.wide = [not side.is_point for side in (*initial.z, *initial.x)]
 
     def passes(self, factors: Factors) -> Trial | None:
         """The trial from the scaled box, if it passes and meets the requirements."""
         if isinstance(self.loop, TrialFailure):
+            self.stopped = self.loop.reason
             return None
         moved = starting_in(self.trials, scaled(self.trials.model.agent.initial, factors))
         found = moved.at(self.loop, self.delta)
         if not isinstance(found, Trial):
+            self.stopped = found.reason
             return None
-        return None if self.wanted.missed(self.performances.of(found)) else found
+        missed = self.wanted.missed(self.performances.of(found))
+        if missed:
+            self.stopped = f"requirements.{missed[0].name} is missed"
+            return None
+        return found
 
     def uniform(self) -> Grown | None:
         """All sides that are no points, by one factor; ``None`` where not even the plant file's own box passes."""
@@ -85,8 +94,11 @@ class InitialBoxes:
         def grown(factor: Fraction) -> Factors:
             return tuple(factor if side else Fraction(1) for side in sides)
 
+        self.stopped = ""
         best = largest_factor(lambda factor: self.passes(grown(factor)) is not None)
-        return None if best is None else Grown(best, scaled(self.trials.model.agent.initial, grown(best)))
+        if best is None:
+            return None
+        return Grown(best, scaled(self.trials.model.agent.initial, grown(best)), self.stopped)
 
 
 def largest_factor(passes: Callable[[Fraction], bool], low: Fraction = Fraction(1)) -> Fraction | None:

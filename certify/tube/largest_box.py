@@ -17,7 +17,7 @@ from certify.tube.requirements import STRIDES, Descent, Wanted, largest_h
 from certify.tube.trial import AgentTrials, Trial
 from symbolic.plant import RequestedGains, Requirements
 
-MOST_TRIALS = 200
+MOST_TRIALS = 60  # about as many as the search before
 GROWTHS = tuple(map(Fraction, ("2", "3/2", "5/4", "9/8")))
 
 

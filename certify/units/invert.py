@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from certify.agent_model import AgentModel
-from certify.certificate import Json, expression, number
+from certify.certificate import Json, number, steady_state
 from certify.results import AgentResult, Alternative
 from certify.units.scales import ONE, Row, Scales
 from symbolic.controller import AgentController
@@ -55,7 +55,7 @@ def witness_back(witness: Json, user: AgentModel, scales: Scales) -> Json:
     moved = (*scales.zeros, *scales.chain)
     return {
         **witness,
-        "steady_state": [expression(component) for component in user.steady_state],
+        "steady_state": steady_state(user.steady_state, user.roots),
         "ell": [number(entry) for entry in user.internal_model.ell],
         "nominal": {
             "f0": [

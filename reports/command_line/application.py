@@ -12,7 +12,20 @@ import typer
 
 from certify.float_range import BEYOND
 from certify.lifetime import WorkerLostError
-from reports.command_line import check, derive, export, falsify, gains, init, region, report, run, simulate, verify
+from reports.command_line import (
+    check,
+    derive,
+    export,
+    falsify,
+    gains,
+    init,
+    normal_form,
+    region,
+    report,
+    run,
+    simulate,
+    verify,
+)
 from reports.command_line.outcome import BAD_INPUT, UNDECIDED, Outcome
 from reports.command_line.terminal import spell_out_what_is_missing
 from symbolic.errors import InputError, one_line
@@ -21,6 +34,7 @@ INTERRUPTED = 130
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 app.command("init")(init.command)
+app.command("normal-form")(normal_form.command)
 app.command("run")(run.command)
 app.command("check")(check.command)
 app.command("derive")(derive.command)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import atexit
 import os
-import tempfile
+from contextlib import ExitStack
+
+from certify.files import temporary_folder
 
 
 def prepare_drawing() -> None:
     """To be called before matplotlib is imported. A folder that the user chose is kept."""
     if "MPLCONFIGDIR" in os.environ:
         return
-    folder = tempfile.TemporaryDirectory(prefix="certify-")
-    atexit.register(folder.cleanup)
-    os.environ["MPLCONFIGDIR"] = folder.name
+    until_the_end = ExitStack()
+    atexit.register(until_the_end.close)
+    os.environ["MPLCONFIGDIR"] = str(until_the_end.enter_context(temporary_folder()))

@@ -13,6 +13,7 @@ from typing import NoReturn
 
 import typer
 
+from certify.lifetime import nearly_done
 from symbolic.answers import BAD_INPUT, EXIT_CODES, UNDECIDED
 from symbolic.errors import InputError
 
@@ -42,6 +43,7 @@ def json_text(value: object) -> str:
 
 def finish(outcome: Outcome, as_json: bool, document: bytes | None = None) -> NoReturn:
     """Print the outcome and leave with its exit code; a ``document`` takes stdout for itself."""
+    nearly_done()
     printed = outcome.as_json() if as_json else outcome.text.rstrip("\n")
     try:
         if document is not None:

@@ -98,6 +98,7 @@ def region_fields(plant: Plant, found: CertifiedRegion, slices: Sequence[RegionS
     return {
         "uniform": None if found.uniform is None else _box(found.uniform),
         "axes": [_box(one) for one in axes],
+        "stopped": [{"id": agent.id, "reason": why} for agent, why in zip(plant.agents, found.stopped, strict=True)],
         "estimates": {"region_of_attraction": attraction_details(slices)},
     }
 
@@ -140,6 +141,8 @@ def _lines(plant: Plant, found: CertifiedRegion, slices: Sequence[RegionSlice]) 
             if one is not None and k < len(one.factors[index]) and one.factors[index][k] > 1
         ]
         lines.append(f"agent {agent.id}: times {float(factor):.4g}: {box}")
+        if found.stopped[index]:
+            lines.append(f"agent {agent.id}: what stops a larger box: {found.stopped[index]}")
         if alone:
             lines.append(f"agent {agent.id}, one side alone: times {', '.join(alone)}")
     for part in slices:

@@ -56,7 +56,7 @@ def attempt(text: str, route: str, seconds: int = SECONDS) -> tuple[str, str]:
     """``refuted``, ``inconclusive``, ``bad input``, ``too long``, ``exception``, ``certificate rejected`` or
     ``certified``, with a reason."""
     try:
-        with limit(seconds):
+        with _limit(seconds):
             result = design_gains(parse_plant(text.encode(), "refutable.toml"), route)
             if result.certificate is None:
                 return result.status, result.reason
@@ -83,7 +83,7 @@ def trial(seed: int, number: int, route: str, tally: Tally) -> None:
 
 
 @contextmanager
-def limit(seconds: int) -> Iterator[None]:
+def _limit(seconds: int) -> Iterator[None]:
     def stop(signum: int, frame: FrameType | None) -> None:
         raise TooLong
 

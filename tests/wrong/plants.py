@@ -153,6 +153,13 @@ WRONG = [
     Wrong("an observer that is too long", LAST, _end("observer = [1, 2, 1]"), "2 numbers are needed"),
     Wrong("M without N", LAST, _end("internal_model = { M = [[-1]] }"), "for example N ="),
     Wrong("an empty M", LAST, _end("internal_model = { M = [], N = [] }"), "leave internal_model out"),
+    Wrong("an interval in quotes", "{ p = [-1, 1] }", '{ p = "[-1, 1]" }', "without quotes around it"),
+    Wrong("gains in an agent's table", LAST, _end("gains = { K = 5 }"), "a table of its own, [gains]"),
+    Wrong("parameters as a list", "{ p = [-1, 1] }", '["p"]', "a table is needed"),
+    Wrong("zero dynamics as a text", '{ z1 = "-z1 + x1" }', '"-z1 + x1"', "a table is needed"),
+    Wrong("a state without brackets", 'states = ["v1", "v2"]', 'states = "v1"', "write the entries in brackets"),
+    Wrong("a unit", LAST, _end('[gains]\nK = "10 Nm"'), "units are left out"),
+    Wrong("a state as a function of time", F, "-k*x1 + v1(t)", "a product is written with *"),
     # expressions
     Wrong("a product without a sign", F, "-k x1 + p*x2", "a product is written with *"),
     Wrong("a product with a dot", F, "-k·x1 + p*x2", "a product is written with *"),

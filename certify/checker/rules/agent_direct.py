@@ -46,7 +46,7 @@ def prove_tube(
     name = f"agent {agent.id}"
     require(witness.grid[-1] >= reference.end, f"{name}: t_m ≥ T0", t_m=witness.grid[-1], T0=reference.end)
     with obligation(name):
-        outside = Outside(exosystem, reference, witness.steady_state, agent.parameters)
+        outside = Outside(exosystem, reference, known.steady_nodes, agent.parameters, known.roots)
         increments = Increments(agent, reference.optimum, known.w, ZeroRanges(name, agent, witness.ranges))
         phase = FirstPhase(name, agent, claim, witness, known, outside, increments, tabulate)
         start = phase.at_end()

@@ -9,13 +9,14 @@ from fractions import Fraction
 from functools import partial
 
 from certify.checker import functions, linear
-from certify.checker.certificate import AgentClaim, AgentWitness, Certificate, DirectAgentWitness
+from certify.checker.certificate import AgentClaim, AgentWitness, Certificate, DirectAgentWitness, Root
 from certify.checker.expressions import Name, Node, evaluate, occurrences, parse
 from certify.checker.intervals import Interval, between, enclose, quadratic_bound, symmetric, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Agent, Plant
 from certify.checker.polynomials import ZERO, Algebra, Rational, constant, variable
 from certify.checker.rules.costs import Cost, prove_cost, prove_optimum
+from certify.checker.rules.steady_root import bracket, prove_root
 from certify.checker.subdivision import CUTS, supremum, value_range
 from certify.checker.verdict import Malformed, obligation, require, spend
 
@@ -36,6 +37,8 @@ class AgentFacts:
     steady_state: Callable[[Mapping[str, Interval], int], list[Interval]]
     tau: Callable[[Mapping[str, Interval], int], list[Interval]]
     steady_input: Callable[[Sequence[Sequence[Interval]]], Interval]
+    steady_nodes: Sequence[Node]
+    roots: Mapping[str, Interval]
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ class AgentProof:
         self,
         plant: Plant,
         agent: Agent,
-        steady_state: Sequence[str],
+        steady_state: Sequence[str | Root],
         ell: Sequence[Fraction],
         optimum: tuple[Fraction, Fraction],
         v: Mapping[str, Interval],
@@ -138,27 +141,44 @@ class AgentProof:
         self.name = f"agent {agent.id}"
         self.w = {name: between(*box) for name, box in agent.parameters.items()}
         self.algebra = Algebra()
-        self.symbols = {name: variable(name) for name in ("s", *v, *self.w)}
+        known = ("s", *v, *self.w)
+        zeros = zip(agent.zero_states, steady_state, strict=False)  # by a name that no plant file can declare
+        self.roots = {f"{z}*": (z, root) for z, root in zeros if isinstance(root, Root)}
+        self.constants = {**self.w, **{name: bracket(root) for name, (_, root) in self.roots.items()}}
+        self.symbols = {name: variable(name) for name in (*known, *self.roots)}
         states = [self.symbols[name] for name in v]
         self.exosystem = {
             name: sum((x * constant(entry) for x, entry in zip(states, row, strict=True)), ZERO)
             for name, row in zip(v, plant.S or [], strict=True)
         }
-        self.nodes = [parse(text, {name: Name(name) for name in self.symbols}) for text in steady_state]
+        names = {name: Name(name) for name in known}
+        self.nodes = [
+            Name(f"{z}*") if isinstance(entry, Root) else parse(entry, names)
+            for z, entry in zip(agent.zero_states, steady_state, strict=False)
+        ]
 
     def prove(self, claim: AgentClaim) -> AgentFacts:
         b = self.origin_and_input_gain()
         self.regulator()
         self.immersion()
         with obligation(f"{self.name}: A5"):
-            return AgentFacts(self.w, b, self.transformation(claim), self.steady_state, self.tau, self.steady_input)
+            return AgentFacts(
+                self.w,
+                b,
+                self.transformation(claim),
+                self.steady_state,
+                self.tau,
+                self.steady_input,
+                self.nodes,
+                {name: self.constants[name] for name in self.roots},
+            )
 
     def identity(self, value: Rational, name: str) -> None:
         require(self.algebra.vanishes(value), f"{self.name}: {name}", terms_left=len(value.top.terms))
 
     def range(self, node: Node, v: Mapping[str, Interval], cuts: int) -> Interval:
         """Exact enough as it is along a name that occurs but once: the others are cut."""
-        box, count = {"s": self.optimum, **v, **self.w}, Counter(occurrences(node))
+        box, count = {"s": self.optimum, **v, **self.constants}, Counter(occurrences(node))
         repeated = [name for name in count if count[name] > 1]
         return value_range(lambda piece: evaluate(node, piece, enclose, functions.call), box, repeated, cuts)
 
@@ -168,14 +188,14 @@ class AgentProof:
 
     def tau(self, v: Mapping[str, Interval], cuts: int) -> list[Interval]:
         """``τ = (u*, L_S u*, …)``."""
-        box = {"s": self.optimum, **v, **self.w}
+        box = {"s": self.optimum, **v, **self.constants}
         return [value_range(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u), cuts) for u in self.inputs]
 
     def steady_input(self, W: Sequence[Sequence[Interval]]) -> Interval:
         """``|u*| ≤ |u*(s*, 0, w)| + √(Σ_jk |W_jk| ĝ_j ĝ_k)`` with ``ĝ ≥ |∂u*/∂v|``, or by its range if that is less."""
         if not self.inputs:
             return ZERO_INPUT
-        u, box = self.inputs[0], {"s": self.optimum, **self.v, **self.w}
+        u, box = self.inputs[0], {"s": self.optimum, **self.v, **self.constants}
         slopes, leaves = [self.algebra.derivative(u, name) for name in self.v], self.algebra.leaves(u)
         at_rest = dict.fromkeys(self.v, ZERO_INPUT)
 
@@ -209,10 +229,15 @@ class AgentProof:
         """A3: ``∂z*/∂v·S v = f0(z*, s, v, w)`` and ``z*(0, 0, w) = 0``."""
         with obligation(f"{self.name}: A3"):
             for node in self.nodes:
+                if isinstance(node, Name) and node.name in self.roots:
+                    continue
                 at_zero = self.algebra.read(node, {**self.symbols, **dict.fromkeys(("s", *self.v), ZERO)})
                 self.identity(at_zero, "A3: z*(0, 0, w) = 0")
             values = self.steady_states(self.symbols["s"])
             for name, f0 in zip(self.agent.zero_states, self.agent.zero_dynamics, strict=True):
+                if f"{name}*" in self.roots:
+                    prove_root(self.name, name, f0, self.roots[f"{name}*"][1], self.optimum, self.w)
+                    continue
                 speed = self.algebra.lie_derivative(values[name], self.exosystem)
                 self.identity(speed - self.algebra.read(f0, values), "A3: ∂z*/∂v·S v = f0(z*, s, v, w)")
 

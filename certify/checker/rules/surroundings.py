@@ -16,7 +16,7 @@ from flint import arb_mat, fmpq
 from certify.checker import functions, linear
 from certify.checker.balls import BITS, exact, interval, precision
 from certify.checker.derivatives import gradient
-from certify.checker.expressions import Name, Node, evaluate, names_in, parse
+from certify.checker.expressions import Node, evaluate, names_in
 from certify.checker.intervals import Interval, between, enclose, hull, quadratic_bound, symmetric, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Box
@@ -80,19 +80,23 @@ class Outside:
     """The surroundings of one agent, as functions of time."""
 
     def __init__(
-        self, exosystem: Exosystem, reference: Reference, steady_state: Sequence[str], parameters: Mapping[str, Box]
+        self,
+        exosystem: Exosystem,
+        reference: Reference,
+        nodes: Sequence[Node],
+        parameters: Mapping[str, Box],
+        roots: Mapping[str, Interval],
     ) -> None:
+        """``nodes`` are ``z*`` in ``s, v``, the parameters and the constants ``roots``."""
         self.exosystem, self.reference = exosystem, reference
-        self.w = {name: between(*box) for name, box in parameters.items()}
-        names = {name: Name(name) for name in ("s", *exosystem.forever, *self.w)}
-        nodes = [parse(text, names) for text in steady_state]
+        self.around = {"s": reference.optimum, **roots}
         self.nodes = [(node, _pieces(node, parameters, PARTS)) for node in nodes]
         self.fine = [(node, _pieces(node, parameters, FINE_PARTS)) for node in nodes]
         self.until = lru_cache(maxsize=None)(partial(self.during, Fraction(0)))
 
     def during(self, start: Fraction, end: Fraction) -> Surroundings:
         v = self.exosystem.during(start, end)
-        box = {"s": self.reference.optimum, **v}
+        box = {**self.around, **v}
         z = [hull(*(_value(node, {**box, **piece}) for piece in pieces)) for node, pieces in self.nodes]
         return self._around(v, z, self.reference.during(start, end))
 
@@ -106,7 +110,7 @@ class Outside:
 
     def _steady_forever(self, node: Node, piece: Mapping[str, Interval]) -> Interval:
         """By ``±v̂``, and by ``z*(s, 0, w) ± √(Σ_jk |W_jk| ĝ_j ĝ_k)``."""
-        box = {"s": self.reference.optimum, **self.exosystem.forever, **piece}
+        box = {**self.around, **self.exosystem.forever, **piece}
         at_zero = _value(node, {**box, **dict.fromkeys(self.exosystem.forever, Interval(0, 0))})
         sizes = [entry.magnitude for entry in gradient(node, box, self.exosystem.forever).values()]
         square = total(

@@ -1,0 +1,1 @@
+"""Models as people have them, brought into the normal form of plant files (docs/models.md)."""
