@@ -20,6 +20,7 @@ from reports.command_line.steps import Steps
 from reports.runs import BUDGET, obstacle, sentence
 from symbolic.errors import InputError
 from symbolic.plant import Plant
+from symbolic.toml_value import exact_number
 
 if TYPE_CHECKING:
     from reports.study import Study
@@ -114,29 +115,27 @@ def export(
     folder: str | Path | None = None,
     *,
     to: Literal["c", "python", "fmi"] = "c",
-    period: Fraction | None = None,
-    coordinator_period: Fraction | None = None,
+    period: Fraction | float | None = None,
+    coordinator_period: Fraction | float | None = None,
     arithmetic: Literal["double", "single"] | None = None,
     progress: Listener | None = None,
 ) -> Export:
     """The controller of a verified certificate as code; written to ``folder`` if one is given (docs/export.md).
 
-    Periods, in the plant's unit of time, are those of the plant, or chosen. Nothing is proved about sampling. Raises
-    ``InputError``.
+    Periods, in the plant's unit of time, are those of the plant, or chosen; a float is the decimal that Python prints.
+    Nothing is proved about sampling. Raises ``InputError``.
     """
     from certify.export.package import Options
     from reports.exporting import exported
 
     if to not in ("c", "python", "fmi") or arithmetic not in (None, "double", "single"):
         raise InputError("export: to is one of c, python, fmi, and arithmetic one of double, single")
-    if any(value is not None and not value > 0 for value in (period, coordinator_period)):
+    given_periods = (period, coordinator_period)
+    seconds = [None if value is None else exact_number(value, "export: period") for value in given_periods]
+    if any(value is not None and not value > 0 for value in seconds):
         raise InputError("export: periods are positive")
     given = Given("the certificate", given_certificate(certificate))
-    options = Options(
-        None if period is None else Fraction(period),
-        None if coordinator_period is None else Fraction(coordinator_period),
-        arithmetic,
-    )
+    options = Options(seconds[0], seconds[1], arithmetic)
     made = exported(given_plant(plant), given, to, options, Steps(progress or _unheard))
     if folder is not None and made.package is not None:
         made.save(folder)

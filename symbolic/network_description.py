@@ -17,7 +17,7 @@ import sympy
 from symbolic.errors import InputError
 from symbolic.expression_text import without_time
 from symbolic.interval import Interval
-from symbolic.plant import Agent, Plant
+from symbolic.plant import Agent, Exosystem, Plant
 from symbolic.plant_file import SCHEMA, parse_plant
 from symbolic.plant_writer import with_source
 from symbolic.toml_value import exact_number, toml_value
@@ -26,6 +26,7 @@ Description = Mapping[str, Any]
 Described = tuple[list[int], Description]  # agents' numbers and the keys of their table
 DESIGNERS = ("reference", "observer", "eta")  # initial values that are the designer's choice: 0 where left open
 OWN_STATES = "states"  # of an agent's description: the user's names of x1 … xn
+OWN_EXOSYSTEM = "exosystem"  # of an agent's description: the one its model was brought into normal form with
 OWN_BOX = "initial"  # of an agent's description: where its own states start, by name (models bring it along)
 TABLES = ("constants", "exosystem", "initial", "coordinator", "gains", "requirements", "implementation")
 
@@ -205,7 +206,7 @@ def document(
     for title, table in tables.items():
         lines += _lines(f"[{title}]", table, title, named)
     for ids, keys in described:
-        own = {key: value for key, value in keys.items() if key not in (OWN_BOX, OWN_STATES)}
+        own = {key: value for key, value in keys.items() if key not in (OWN_BOX, OWN_STATES, OWN_EXOSYSTEM)}
         lines += _lines("[[agent]]", {"ids": ids, **own}, f"agent {ids[0]}", named)
     return "\n".join(lines) + "\n"
 
@@ -220,11 +221,28 @@ def reading(text: str, source: str) -> Plant:
 
 def starting_in_own_boxes(plant: Plant, described: Iterable[Described]) -> Plant:
     """The plant with the boxes that descriptions of single agents bring along. Raises ``InputError``."""
+    described = list(described)
+    for ids, keys in described:
+        if OWN_EXOSYSTEM in keys and not _is_part_of(keys[OWN_EXOSYSTEM], plant.exosystem):
+            raise InputError(f"{plant.name}: agent {ids[0]}: its model was given another exosystem than the network's")
     boxes = {ids[0]: keys[OWN_BOX] for ids, keys in described if OWN_BOX in keys}
     if not boxes:
         return plant
     agents = tuple(_starting_in(agent, boxes.get(agent.id, {})) for agent in plant.agents)
     return with_source(replace(plant, agents=agents, source=b""))
+
+
+def _is_part_of(own: Exosystem, whole: Exosystem) -> bool:
+    """Whether the states of ``own`` move by themselves in ``whole`` as they do in ``own``, from no larger box."""
+    if not set(own.states) <= set(whole.states):
+        return False
+    places = [whole.states.index(state) for state in own.states]
+    starts = zip(own.initial, (whole.initial[place] for place in places), strict=True)
+    rows = whole.S.extract(places, list(range(whole.S.cols)))
+    wanted = sympy.zeros(len(places), whole.S.cols)
+    for column, place in enumerate(places):
+        wanted[:, place] = own.S[:, column]
+    return bool(rows == wanted) and all(mine.lo <= side.lo and side.hi <= mine.hi for mine, side in starts)
 
 
 def _starting_in(agent: Agent, box: Mapping[str, Interval]) -> Agent:

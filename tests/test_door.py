@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -63,8 +64,10 @@ def test_every_name_of_a_door_is_there(package: str) -> None:
 
 
 def test_rooms_of_the_same_name_do_not_take_the_place_of_functions() -> None:
-    rooms = [importlib.import_module(f"certify.{name}") for name in ("gains.requested", "region", "gains")]
-    assert callable(certify.gains) and callable(certify.region)
+    rooms = [
+        importlib.import_module(f"certify.{name}") for name in ("gains.requested", "region", "gains", "export.package")
+    ]
+    assert callable(certify.gains) and callable(certify.region) and callable(certify.export)
     assert rooms[1].certified_region is not certify.region
 
 
@@ -150,6 +153,16 @@ def test_search_and_simulation(plant: Plant, found: GainsResult) -> None:
         run.plot(signal="speed")
 
 
+def test_export(plant: Plant, found: GainsResult, tmp_path: Path) -> None:
+    made = certify.export(plant, found, tmp_path / "code", to="python", period=0.001)
+    assert made.status == "verified" and made.package is not None
+    assert made.package.digest == certify.verify(plant, found).claim_sha256
+    assert {program.period for program in made.package.programs} == {Fraction(1, 1000)}
+    assert {path.name for path in (tmp_path / "code").iterdir()} == set(made.files)
+    with pytest.raises(InputError, match="export: to is one of c, python, fmi"):
+        certify.export(plant, found, to="fortran")  # type: ignore[arg-type]
+
+
 def test_refusals() -> None:
     with pytest.raises(InputError, match="route: 'shortest' is not one of"):
         certify.gains(FIRST_ORDER, route="shortest")
@@ -160,6 +173,19 @@ def test_refusals() -> None:
         certify.verify(FIRST_ORDER, none)
     with pytest.raises(InputError, match="there is no certificate to write"):
         none.save("x.json")
+
+
+def test_what_is_no_plant_and_no_certificate_is_refused(plant: Plant) -> None:
+    with pytest.raises(InputError, match="a plant, a Network or the path of a plant file is needed, found dict"):
+        certify.check({})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="the path of a certificate, is needed, found int"):
+        certify.verify(plant, 5)  # type: ignore[arg-type]
+
+
+def test_long_reasons_are_wrapped_and_not_cut() -> None:
+    reason = "word " * 100 + "end"
+    shown = repr(GainsResult("inconclusive", reason, "direct", None, {"gains": None}))
+    assert shown.endswith("end") and max(map(len, shown.splitlines())) <= 160
 
 
 def test_agents_are_named_in_runs() -> None:

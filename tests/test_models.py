@@ -243,6 +243,20 @@ def test_network_of_models() -> None:
     assert certify.read_plant is not None and network.text == network.plant.source.decode()
 
 
+def test_a_model_and_its_network_have_one_exosystem() -> None:
+    """Other frequencies, or a larger box of disturbances, are not those that the model was transformed with."""
+    described = MODELS["disturbed"][0].agent(s**2)
+
+    def plant(S: object, box: object) -> object:
+        exosystem = {"states": ("v2", "v1"), "S": S, "initial": {"v1": 0, "v2": box}}
+        return certify.Network("n", nx.path_graph(2), described, exosystem=exosystem).plant
+
+    assert plant([[0, -1], [1, 0]], (0, 1))
+    for S, box in (([[0, -2], [2, 0]], (0, 1)), ([[0, -1], [1, 0]], (0, 2))):
+        with pytest.raises(InputError, match="another exosystem than the network's"):
+            plant(S, box)
+
+
 (MODEL,) = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
 
 

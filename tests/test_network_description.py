@@ -95,6 +95,40 @@ def test_refusals_name_the_key(changes: dict[str, object], message: str) -> None
         pendulums(**changes).plant  # noqa: B018
 
 
+def test_own_names_of_states_may_be_used_in_the_initial_box() -> None:
+    own = pendulums(initial={"z": 0, "x": {theta: (-0.1, 0.1), "omega": 0}})
+    chain = pendulums(initial={"z": 0, "x": {"x1": (-0.1, 0.1), "x2": 0}})
+    assert own.plant.agents == chain.plant.agents
+    turned = agent(-theta, s**2, states=(omega, theta))
+    with pytest.raises(InputError, match="the state 'omega' is x2 of one and x1 of another"):
+        pendulums(agents=[PENDULUM, turned, PENDULUM]).plant  # noqa: B018
+
+
+def test_a_list_has_a_description_for_every_node_in_order() -> None:
+    first = agent(v1 - sympy.Symbol("x1"), s**2)
+    assert [one.order for one in pendulums(agents=[first, PENDULUM, first]).plant.agents] == [1, 2, 1]
+    with pytest.raises(InputError, match="found 1 descriptions for 3 nodes"):
+        pendulums(agents=[first]).plant  # noqa: B018
+
+
+def test_functions_of_time_are_states() -> None:
+    moving = sympy.Function("x1")(sympy.Symbol("t"))
+    assert pendulums(agents=agent(-moving, s**2)).plant.agents[0].f == -pendulums().plant.agents[0].chain[0]
+
+
+def test_messages_name_no_line_of_a_text_that_nobody_has_seen() -> None:
+    with pytest.raises(InputError) as caught:
+        pendulums(initial={}).plant  # noqa: B018
+    assert str(caught.value).startswith("pendulums: initial.x: missing")
+
+
+def test_a_plant_and_a_network_are_a_line() -> None:
+    assert repr(pendulums()) == "<Network 'pendulums': 3 agents, 4 edges>"
+    assert repr(pendulums().plant).startswith("<Plant 'pendulums': 3 agents of order 2, 4 edges, 2 exosystem states")
+    with pytest.raises(InputError, match="pendulums: graph: a graph of networkx is needed, found list"):
+        pendulums(graph=[(1, 2)])
+
+
 @pytest.mark.parametrize(
     ("value", "text"),
     [
@@ -119,5 +153,5 @@ def test_quantities_are_taken_in_the_declared_unit() -> None:
     half_minute = quantity(Fraction(1, 2), "minute")
     assert toml_value(half_minute) == "30"
     assert toml_value({"d": half_minute}, units={"d": "hour"}) == '{ d = "1/120" }'
-    with pytest.raises(InputError, match="initial: x: Cannot convert from 'minute'"):
+    with pytest.raises(InputError, match=r"initial: x\.x1: Cannot convert from 'minute'"):
         pendulums(initial={"x": {"x1": half_minute}}, units={"x1": "metre"}).text  # noqa: B018

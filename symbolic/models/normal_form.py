@@ -22,9 +22,11 @@ from symbolic.interval import Interval
 from symbolic.models.affine import INPUT, AffineModel
 from symbolic.models.boxes import hull
 from symbolic.models.inverse import global_inverse, tidy
-from symbolic.plant import symbol
+from symbolic.network_description import OWN_EXOSYSTEM
+from symbolic.plant import Exosystem, symbol
 from symbolic.ranges import nonvanishing
 
+NO_EXOSYSTEM = Exosystem((), sympy.ImmutableMatrix(0, 0, []), ())
 MOST_CHOICES = 60  # of coordinates for the zero dynamics that are tried: all of them up to six states and three of z
 
 
@@ -45,6 +47,7 @@ class NormalForm:
     box: Mapping[sympy.Symbol, Interval]
     parameters: Mapping[sympy.Symbol, Interval]
     guards: tuple[Guard, ...] = ()
+    exosystem: Exosystem = NO_EXOSYSTEM
 
     def description(self, cost: Any, **answers: Any) -> dict[str, Any]:
         """The keys of an ``[[agent]]`` table, and ``initial`` with the boxes by name."""
@@ -53,6 +56,8 @@ class NormalForm:
             described["zero_dynamics"] = {str(name): rate for name, rate in self.zero_dynamics.items()}
         if self.parameters:
             described["uncertain"] = {str(name): (side.lo, side.hi) for name, side in self.parameters.items()}
+        if self.exosystem.states:
+            described[OWN_EXOSYSTEM] = self.exosystem
         if self.box:
             described["initial"] = {str(name): side for name, side in self.box.items()}
         return described
@@ -226,6 +231,7 @@ def _form(field: _Field, chain: _Chain, zero: Sequence[sympy.Expr]) -> NormalFor
         box={new: hull(expr, sides) for new, expr in coordinates.items()} if start else {},
         parameters=model.box,
         guards=tuple(guard for guard in kept if guard.expression.free_symbols),
+        exosystem=Exosystem(model.disturbances, model.S, model.disturbance_box),
     )
 
 
