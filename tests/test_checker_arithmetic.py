@@ -454,3 +454,17 @@ def test_factors_and_divisors_are_not_set_off_against_each_other() -> None:
     for text in ("x^2/x", "x*x^-1", "p*x/(p*x)"):
         with pytest.raises(Undecided):
             evaluate(expression(text, "x", "p"), {"x": between(-1, 1), "p": between(-1, 1)}, enclose, functions.call)
+
+
+def test_a_factor_that_divides_is_taken_out_of_a_fraction() -> None:
+    """``L_S (tanh(p s) + v1) = v2``: without it ``(e² + 1)/(e² + 1)·v2`` is enclosed as something around ``v2``."""
+    algebra = Algebra()
+    names = {name: variable(name) for name in ("s", "p", "v")}
+    u = algebra.read(expression("tanh(p*s) + v*(p^2 + 1)/(p^2 + 1)", *names), names)
+    slope = algebra.derivative(u, "v").reduced()
+    assert slope.constant() == 1
+    partly = algebra.read(expression("(p^2 - s^2)/(p - s)^2", *names), names).reduced()
+    assert algebra.vanishes(partly - algebra.read(expression("(p + s)/(p - s)", *names), names))
+    assert sum(partly.bottom.values()) == 1
+    none = algebra.read(expression("(p^2 + s^2)/(p - s)", *names), names)
+    assert none.reduced().bottom == none.bottom

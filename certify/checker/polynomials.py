@@ -19,6 +19,7 @@ from certify.checker.verdict import Undecided, spend
 
 Monomial = tuple[tuple[str, int], ...]  # (name, exponent > 0), sorted by name
 UNIT: Monomial = ()
+MAX_QUOTIENT = 500  # terms
 
 
 class Polynomial:
@@ -69,6 +70,36 @@ class Polynomial:
                 result[tuple(sorted(powers.items()))] = c * exponent
         return Polynomial(result)
 
+    def quotient(self, divisor: Polynomial) -> Polynomial | None:
+        """``self/divisor`` if that is a polynomial, by division in lexicographic order; None if not, or if long."""
+        names = sorted(self.names() | divisor.names())
+
+        def exponents(monomial: Monomial) -> tuple[int, ...]:
+            powers = dict(monomial)
+            return tuple(powers.get(name, 0) for name in names)
+
+        rest = {exponents(m): c for m, c in self.terms.items()}
+        found: dict[tuple[int, ...], Fraction] = {}
+        by = {exponents(m): c for m, c in divisor.terms.items()}
+        lead = max(by)
+        for _ in range(MAX_QUOTIENT):
+            if not rest:
+                return Polynomial(
+                    {tuple((n, e) for n, e in zip(names, m, strict=True) if e): c for m, c in found.items()}
+                )
+            top = max(rest)
+            step = tuple(a - b for a, b in zip(top, lead, strict=True))
+            if min(step, default=0) < 0:
+                return None
+            spend(100 * (len(rest) + len(by)))
+            found[step] = factor = rest[top] / by[lead]
+            for m, c in by.items():
+                at = tuple(a + b for a, b in zip(step, m, strict=True))
+                left = rest.pop(at, Fraction(0)) - factor * c
+                if left:
+                    rest[at] = left
+        return None
+
     def bits(self) -> int:
         """Of the longest coefficient."""
         return max((c.numerator.bit_length() + c.denominator.bit_length() for c in self.terms.values()), default=0)
@@ -106,6 +137,14 @@ class Rational:
 
     def names(self) -> set[str]:
         return self.top.names().union(*(factor.names() for factor in self.bottom))
+
+    def reduced(self) -> Rational:
+        """Without the factors of the denominator that divide the numerator."""
+        top, bottom = self.top, dict(self.bottom)
+        for factor in self.bottom:
+            while bottom[factor] and (quotient := top.quotient(factor)) is not None:
+                top, bottom[factor] = quotient, bottom[factor] - 1
+        return Rational(top, {factor: power for factor, power in bottom.items() if power})
 
     def over(self, bottom: Mapping[Polynomial, int]) -> Polynomial:
         """The numerator over a common denominator."""

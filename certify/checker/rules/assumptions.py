@@ -248,7 +248,7 @@ class AgentProof:
             u = -self.algebra.read(self.agent.f, values) / self.algebra.read(self.agent.b, values)
             residual, self.inputs = ZERO, []
             for coefficient in self.ell:
-                self.inputs.append(u)
+                self.inputs.append(u.reduced())
                 residual = residual - u * constant(coefficient)
                 u = self.algebra.lie_derivative(u, self.exosystem)
             self.identity(residual + u, "A5: L_S^s u* = Σ ℓ_k L_S^(k−1) u*")
