@@ -11,14 +11,14 @@ from functools import partial
 from certify.checker import functions, linear
 from certify.checker.certificate import AgentClaim, AgentWitness, Certificate, DirectAgentWitness, Root
 from certify.checker.expressions import Name, Node, evaluate, occurrences, parse
-from certify.checker.intervals import Interval, between, enclose, quadratic_bound, symmetric, total
+from certify.checker.intervals import Interval, between, enclose, hull, quadratic_bound, symmetric, total
 from certify.checker.linear import Matrix
 from certify.checker.plant import Agent, Plant
 from certify.checker.polynomials import ZERO, Algebra, Rational, constant, variable
 from certify.checker.rules.costs import Cost, prove_cost, prove_optimum
 from certify.checker.rules.steady_root import bracket, prove_root
 from certify.checker.subdivision import CUTS, supremum, value_range
-from certify.checker.verdict import Malformed, obligation, require, spend
+from certify.checker.verdict import Malformed, Undecided, obligation, require, spend
 
 ZERO_INPUT = Interval(0, 0)
 
@@ -189,7 +189,23 @@ class AgentProof:
     def tau(self, v: Mapping[str, Interval], cuts: int) -> list[Interval]:
         """``τ = (u*, L_S u*, …)``."""
         box = {"s": self.optimum, **v, **self.constants}
-        return [value_range(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u), cuts) for u in self.inputs]
+        tau = [value_range(partial(self.algebra.enclosure, u), box, self.algebra.leaves(u), cuts) for u in self.inputs]
+        if not tau:
+            return tau
+        try:  # as it is written u* is narrower than in the algebra where that has exp for tanh
+            written = value_range(self.input_as_written, box, box.keys(), cuts)
+        except Undecided:
+            return tau
+        return [hull(max(tau[0].lower, written.lower), min(tau[0].upper, written.upper)), *tau[1:]]
+
+    def input_as_written(self, box: Mapping[str, Interval]) -> Interval:
+        """``−f1(z*, s, 0, v, w)/b(w)`` by the expressions of the plant file."""
+        zero = Interval(0, 0)
+        values = {**box, **dict.fromkeys(self.agent.chain, zero), "x1": box["s"]}
+        for name, node in zip(self.agent.zero_states, self.nodes, strict=True):
+            values[name] = evaluate(node, box, enclose, functions.call)
+        f, b = (evaluate(node, values, enclose, functions.call) for node in (self.agent.f, self.agent.b))
+        return -(f / b)
 
     def steady_input(self, W: Sequence[Sequence[Interval]]) -> Interval:
         """``|u*| ≤ |u*(s*, 0, w)| + √(Σ_jk |W_jk| ĝ_j ĝ_k)`` with ``ĝ ≥ |∂u*/∂v|``, or by its range if that is less."""
