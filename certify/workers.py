@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import pickle
@@ -131,14 +132,16 @@ def _work(
         signal.signal(number, signal.SIG_IGN)
     for other in inherited:
         other.close()
-    while True:
-        position = link.recv()
-        try:
-            result = function(tasks[position], lambda message: link.send(("said", message)))
-        except Exception as error:  # noqa: BLE001 - it is raised again where the tasks come from
-            link.send(("failed", (position, _Failure(_portable(error), traceback.format_exc()))))
-        else:
-            link.send(("done", (position, result)))
+    with contextlib.suppress(EOFError, OSError):  # the parent has gone a moment before the kernel ends this process
+        while True:
+            position = link.recv()
+            try:
+                result = function(tasks[position], lambda message: link.send(("said", message)))
+            except Exception as error:  # noqa: BLE001 - it is raised again where the tasks come from
+                link.send(("failed", (position, _Failure(_portable(error), traceback.format_exc()))))
+            else:
+                link.send(("done", (position, result)))
+    os._exit(1)
 
 
 def _portable(error: Exception) -> Exception:
