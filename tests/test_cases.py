@@ -76,3 +76,11 @@ def test_case(
 def test_every_case_is_in_the_table() -> None:
     listed = {line.split()[1] for line, *_ in TABLE} | set(CERTIFIED)
     assert {f"{file.parent.name}/{file.stem}" for file in CASES.glob("*/*.toml")} == listed
+
+
+def test_references_that_start_at_the_optimum_are_certified(tmp_path: Path) -> None:
+    """The nominal curve has nowhere to go, and has one stretch all the same."""
+    text = (CASES / "refusals" / "ascii-stdout.toml").read_text()
+    file = tmp_path / "plant.toml"
+    file.write_text(text.replace('"0.00028*s^2 + 8.1*s + 550"', '"s^2/2"').replace("p*x1", "-x1"))
+    assert main(["gains", str(file), "-o", str(tmp_path / "certificate.json")]) == 0

@@ -310,7 +310,7 @@ def _curve(
         gap = sqrt(max(float(r @ (y**2 + 2 * B * y * zeta + c * zeta**2)), 0.0))
         gap += softened * float(np.exp(-float(gains.softening) * at.time))
         settled = gap * float(np.max(reach)) <= SETTLED * scale and gap * fastest_rate <= RATE_SETTLED * pace * scale
-        return settled or at.time > LONGEST / pace
+        return (settled and at.time > 0) or at.time > LONGEST / pace  # a curve has at least one stretch
 
     return walk(motion, problem.start, base, rate * allowed, done, most_spread)
 

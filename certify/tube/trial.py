@@ -300,8 +300,8 @@ def as_good(coarse: Tube, fine: Tube, rule: TrialRule = RULE) -> bool:
 
 def _last_above(tube: Tube, level: np.ndarray) -> np.ndarray:
     """The ends of the last steps on which the outputs may be above the levels; 0 if there are none."""
-    above = np.array(tube.boxes) > level
-    return np.max(above * np.array(tube.grid[1:])[:, None], axis=0)
+    above = np.reshape(tube.boxes, (-1, len(level))) > level  # no step at all where everything starts at rest
+    return np.max(above * np.array(tube.grid[1:])[:, None], axis=0, initial=0.0)
 
 
 def _short_up(value: float) -> Fraction:
