@@ -86,7 +86,7 @@ def held_layer(
     pace = motion.system.pace
     way = float(np.max(np.abs(motion.gradient(y0)))) / float(np.max(motion.system.high))  # to where the pull ends
     scale = max(float(np.max(np.abs(y0))), way) or 1.0
-    found = walk(motion, y0, 1 / pace, DEFECT * rtol * pace * scale, done)
+    found = walk(motion, y0, scale, 1 / pace, DEFECT * rtol * pace * scale, done)
     for piece, zeta in _with_memory(found or [], motion.system, offset):
         left = breaks[-1]
         for k in range(PARTS):

@@ -82,11 +82,11 @@ class _Solver:
 class Collocation:
     """Walks along the curve from ``y`` and ``ζ = 0``."""
 
-    def __init__(self, motion: Motion, start: Array) -> None:
+    def __init__(self, motion: Motion, start: Array, scale: float) -> None:
         self.motion, self.system = motion, motion.system
         self.y, self.integral, self.time = start.copy(), np.zeros(len(start)), 0.0
         self.first_gradient = motion.gradient(start)
-        self.scale = max(float(np.max(np.abs(start))), 1e-300)
+        self.scale = max(float(np.max(np.abs(start))), scale)
         self.solvers: dict[tuple[float, bytes], _Solver] = {}
 
     @cached_property
@@ -194,6 +194,7 @@ class Collocation:
 def walk(
     motion: Motion,
     start: Array,
+    scale: float,
     base: float,
     tolerance: float,
     done: Callable[[Collocation], bool],
@@ -201,7 +202,7 @@ def walk(
 ) -> list[Piece] | None:
     """Stretches of ``base·2^k``, each with a residual below the tolerance and no agent moving by more
     than about ``most_spread``, until ``done``; ``None`` if it never is."""
-    collocation, pieces = Collocation(motion, start), list[Piece]()
+    collocation, pieces = Collocation(motion, start, scale), list[Piece]()
     s = motion.system
     fastest = float(np.max(2 * s.alpha1 * np.diag(s.laplacian) + s.high)) + motion.softening
     level = int(np.floor(np.log2(FIRST / fastest / base)))

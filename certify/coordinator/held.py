@@ -312,7 +312,7 @@ def _curve(
         settled = gap * float(np.max(reach)) <= SETTLED * scale and gap * fastest_rate <= RATE_SETTLED * pace * scale
         return (settled and at.time > 0) or at.time > LONGEST / pace  # a curve has at least one stretch
 
-    return walk(motion, problem.start, base, rate * allowed, done, most_spread)
+    return walk(motion, problem.start, scale, base, rate * allowed, done, most_spread)
 
 
 def _scale(problem: Problem, system: System, target: float, rest: Array) -> float:
