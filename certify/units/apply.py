@@ -49,6 +49,7 @@ def scaled_agent(agent: Agent, scales: Scales) -> Agent:
         steady_state=None,
         lyapunov=None,
         internal_model=None if agent.internal_model is None else scaled_pair(agent.internal_model, scales.time),
+        guards=agent.guards.at(states),
     )
 
 

@@ -36,7 +36,7 @@ def natural_scales(model: AgentModel, envelope: Envelope, index: int) -> Scales:
     if output == ONE and float(initial.x[0]) == 0 == float(model.references.peak):
         output = _near(max((x * float(time) ** k for k, x in enumerate(initial.x)), default=0.0))
     b = _near(float(np.sqrt(increments.b[0] * increments.b[1])))
-    resistance = _near(max(1.0, _resistance(slopes, increments, float(time)) / EASY))
+    resistance = _near(max(1.0, _resistance(slopes, float(time)) / EASY))
     zeros = tuple(_near(size) for size in _zero_sizes(slopes, initial, float(output)))
     return Scales(time, output, zeros, resistance * output / time**model.order / b, model.order)
 
@@ -56,10 +56,9 @@ def _growth(slopes: Slopes, increments: Increments) -> float:
     return max(max(side[1], 0.0) ** (1 / (n - k)) for k, side in enumerate(slopes.f1[increments.zeros :]))
 
 
-def _resistance(slopes: Slopes, increments: Increments, time: float) -> float:
-    """How much of the input a plant takes that holds itself back, friction above all: the sum of its own slopes."""
-    n = increments.order
-    return sum(magnitude(side) * time ** (n - k) for k, side in enumerate(slopes.f1[increments.zeros :]))
+def _resistance(slopes: Slopes, time: float) -> float:
+    """What friction takes of the input before ``x_n`` moves: the slope in ``x_n`` against the rate that is wanted."""
+    return magnitude(slopes.f1[-1]) * time
 
 
 def _settling(slopes: Slopes, increments: Increments) -> float:
