@@ -80,9 +80,7 @@ def _agent(agent: Agent, plant: Plant, measure: Measure) -> Agent:
         zero_dynamics=tuple(f0.xreplace(v) for f0 in there.zero_dynamics),
         f=there.f.xreplace(v),
         cost=agent.cost.xreplace(s) / _rational(measure.cost),
-        steady_state=None
-        if steady is None
-        else tuple(z.xreplace({**s, **v}) / size for z in steady),
+        steady_state=None if steady is None else tuple(z.xreplace({**s, **v}) / size for z in steady),
         lyapunov=None if agent.lyapunov is None else agent.lyapunov.xreplace(z),
         guards=there.guards.at({**s, **v}),
     )
