@@ -14,19 +14,19 @@ from pathlib import Path
 
 import numpy as np
 
-from certify.coordinator.design import proposed_gains
 from certify.gains.requested import requested_controller
 from sims.agent_loop import agent_loop, upper_layer
 from sims.falsifier import HORIZON, TOLERANCE, Candidate, Search, falsify
 from sims.search_space import shared_points
 from sims.witness import Witness, read_witness, replay
-from symbolic.controller import Controller
+from symbolic.controller import Controller, CoordinatorGains
 from symbolic.derivation import derive
 from symbolic.plant import COST_VARIABLE, Plant, RequestedGains
 from symbolic.plant_file import load_plant
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "examples" / "witnesses"
+ALPHA = Fraction(5)
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,8 @@ class Case:
         gains = RequestedGains(*map(Fraction, self.gains))
         laws = [requested_controller(derived, gains) for derived in derive(plant, COST_VARIABLE).agents]
         found = tuple(law for law in laws if law is not None)
-        return plant, Controller(proposed_gains(plant), found)
+        alphas = plant.coordinator.alpha1 or ALPHA, plant.coordinator.alpha2 or ALPHA
+        return plant, Controller(CoordinatorGains(*alphas), found)  # the paper's, that starts at once
 
 
 CASES = (

@@ -353,7 +353,7 @@ def test_ranges_hold_the_trajectories_of_two_zero_states() -> None:
 
 REFERENCE = Reference(
     enclose(0),
-    Fraction(1, 2),
+    [Fraction(k, 2) for k in range(5)],
     [Step(-k * UNIT, k * UNIT + 1, (5 - k) * UNIT, 7 * UNIT) for k in range(4)],
     enclose(9),
     enclose(11),

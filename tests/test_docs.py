@@ -73,3 +73,9 @@ def test_every_page_is_in_the_table_of_contents() -> None:
     assert sorted(name for name in listed if (DOCS / f"{name}.md").exists()) == sorted(
         page.stem for page in PAGES if page.stem != "index"
     )
+
+
+def test_the_gallery_lists_every_example() -> None:
+    examples = DOCS.parent / "examples"
+    listed = re.findall(r"^\| `(\w+)` \|", (DOCS / "gallery.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert sorted(listed) == sorted(path.stem for path in examples.rglob("*.toml"))

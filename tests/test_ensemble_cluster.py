@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from closed_loops import controller_for
 
-from sims import ensemble
 from sims.cross_check import cross_check
+from sims.ensemble import ensemble
 from sims.executors import run_tasks
 from sims.falsifier import falsify
 from symbolic.controller import Controller

@@ -231,8 +231,12 @@ def certificate(plant: Plant, h: Fraction | None = HUGE) -> dict[str, object]:
     coordinator = {
         "P": square, "multiplier": ["1", "1"], "rate": "2/5", "mixing_rate": "1/3", "step": "1/64", "steps": "64"
     }  # fmt: skip
-    claim = {"plant_sha256": plant.sha256, "alpha1": "3", "alpha2": "2", "agents": agents}
-    proof = {"optimum": ["3/2", "3/2"], "coordinator": coordinator, "agents": witness}
+    claim = {
+        "plant_sha256": plant.sha256, "alpha1": "3", "alpha2": "2", "gradient_gain": "1", "mixing_gain": "1",
+        "mixing_time": "0", "softening": "0", "agents": agents,
+    }  # fmt: skip
+    r = ["1/" + str(len(plant.agents))] * len(plant.agents)
+    proof = {"left_null_vector": r, "optimum": ["3/2", "3/2"], "coordinator": coordinator, "agents": witness}
     return {"theorem": "recipe/2", "claim": claim, "witness": proof}
 
 

@@ -9,7 +9,8 @@ import matplotlib
 import pytest
 from closed_loops import controller_for, with_gains
 
-from sims import Trajectory, ensemble, nominal, random_scenario, simulate
+from sims import Trajectory, nominal, random_scenario, simulate
+from sims.ensemble import ensemble
 from symbolic.controller import Controller
 from symbolic.errors import InputError
 from symbolic.plant import Plant

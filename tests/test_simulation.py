@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from closed_loops import controller_for, corner, with_gains
 
-from sims import Trajectory, estimated_optimum, nominal, random_scenario, simulate
+from sims import Trajectory, nominal, random_scenario, simulate
+from sims.coordinator import estimated_optimum
 from symbolic.controller import AgentController, Controller, CoordinatorGains
 from symbolic.errors import InputError
 from symbolic.network import laplacian

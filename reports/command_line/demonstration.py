@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from certify.coordinator.design import proposed_gains
+from certify.float_range import float_range
 from certify.gains.requested import requested_controller
 from symbolic.controller import Controller
 from symbolic.derivation import Derivation
@@ -27,4 +28,5 @@ def demonstration_controller(plant: Plant, derivation: Derivation) -> Controller
         if law is None:
             raise InputError(f"agent {derived.agent.id}: its internal model is not rational, so it cannot be simulated")
         laws.append(law)
-    return Controller(proposed_gains(plant), tuple(laws))
+    with float_range():
+        return Controller(proposed_gains(plant), tuple(laws))
