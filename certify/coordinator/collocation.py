@@ -28,6 +28,7 @@ MOST_STRETCHES = 1500
 LONGEST_SOFT = 4  # of 1/ν: what the checker's series of the soft start takes
 MOST_LEVELS = 60  # doublings from the first stretch on
 ROUNDING = 2.0**-46  # of the fastest rate times the values: no residual in floats is less
+DIFFERENTIATED = 2.0**-52 * 8 * STAGES**2  # of the values: what differentiating a polynomial adds, per stretch
 GROWTH = 4.0**-1  # of the tolerance: a residual below doubles the stretch
 
 
@@ -212,8 +213,9 @@ def walk(
     while not done(collocation):
         if len(pieces) >= MOST_STRETCHES:
             return None
-        piece = collocation.attempt(base * 2.0**level)
-        allowed = max(tolerance, ROUNDING * fastest * collocation.scale)
+        length = base * 2.0**level
+        piece = collocation.attempt(length)
+        allowed = max(tolerance, collocation.scale * (ROUNDING * fastest + DIFFERENTIATED / length))
         if piece is None or piece.defect > allowed or piece.spread > most_spread:
             level -= 1
             if level < highest - 2 * MOST_LEVELS:
