@@ -151,9 +151,11 @@ def tube(
     while True:
         if time >= horizon:
             tail = _tail(comparison, surroundings, p)
-            if not isinstance(tail, str):
+            if not isinstance(tail, str) and (not later or (boxes and np.all(tail[0] <= np.max(boxes, axis=0)))):
                 return Tube(tuple(grid), tuple(boxes), tuple(ranges), *tail)
-            if not later or isinstance(_tail(comparison, surroundings, np.zeros_like(p)), str):
+            if isinstance(tail, str) and (
+                not later or isinstance(_tail(comparison, surroundings, np.zeros_like(p)), str)
+            ):
                 return TubeFailure(time, tail, settled=True)
             horizon = time + later.pop(0) / float(comparison.kernels.rates[0])
         if len(boxes) >= MOST_STEPS:

@@ -18,6 +18,7 @@ from certify.tube.surroundings import Surroundings
 from certify.units.scales import ONE, Scales
 
 EASY = 64  # growth or friction this much faster than what is followed leaves the ladder of gains where it is
+STANDING = 1e-9  # of where output and optimum are: references with less of a way are at rest, but for rounding
 LONGEST = 200  # binary orders of magnitude: beyond them floats are near their ends
 
 
@@ -28,26 +29,37 @@ def natural_scales(model: AgentModel, envelope: Envelope, index: int) -> Scales:
     surroundings, increments = Surroundings(model, envelope, index), Increments(model)
     initial = initial_magnitudes(model, surroundings)
     slopes = increments.slopes(np.zeros(increments.zeros), np.zeros(model.order), surroundings.later())
-    speed = max(_following(envelope, surroundings), _growth(slopes, increments) / EASY)
+    way = float(model.references.peak)
+    if way <= STANDING * max(float(initial.x[0]), magnitude(surroundings.optimum)):
+        way = 0.0
+    speed = max(_following(envelope, surroundings, way > 0), _growth(slopes, increments) / EASY)
     if not speed > 0:
         speed = _settling(slopes, increments)
     time = 1 / _near(speed)
-    output = _near(max(float(initial.x[0]), float(model.references.peak)))
-    if output == ONE and float(initial.x[0]) == 0 == float(model.references.peak):
-        output = _near(max((x * float(time) ** k for k, x in enumerate(initial.x)), default=0.0))
+    way = max(float(initial.x[0]), way)
+    pushed = max(
+        *(x * float(time) ** k for k, x in enumerate(initial.x)), _push(model, initial, increments, float(time))
+    )
+    output = _near(way or pushed)
     b = _near(float(np.sqrt(increments.b[0] * increments.b[1])))
     resistance = _near(max(1.0, _resistance(slopes, float(time)) / EASY))
     zeros = tuple(_near(size) for size in _zero_sizes(slopes, initial, float(output)))
     return Scales(time, output, zeros, resistance * output / time**model.order / b, model.order)
 
 
-def _following(envelope: Envelope, surroundings: Surroundings) -> float:
+def _following(envelope: Envelope, surroundings: Surroundings, moving: bool) -> float:
     """The rate at which the references approach the optimum, all agents together, or the fastest of the exosystem's
     frequencies if that is more. A reference that decays like ``e^(−at)`` has ``peak²/(2 energy) = a``."""
     peaks = sum(float(agent.peak) ** 2 for agent in envelope.agents)
     energy = sum(float(agent.energy) for agent in envelope.agents)
-    references = peaks / (2 * energy) if energy > 0 else 0.0
+    references = peaks / (2 * energy) if moving and energy > 0 else 0.0
     return max([references, *np.abs(surroundings.spectrum).tolist()])
+
+
+def _push(model: AgentModel, initial: InitialMagnitudes, increments: Increments, time: float) -> float:
+    """How far an input that the internal model has yet to find moves the output in a unit of time."""
+    psi = np.array([float(entry) for entry in model.internal_model.psi])
+    return float(increments.b[1] * np.abs(psi) @ initial.eta) * time**model.order if len(psi) else 0.0
 
 
 def _growth(slopes: Slopes, increments: Increments) -> float:

@@ -105,7 +105,7 @@ class Curve:
             kept[0] += sum(w * self.integral[j] for j, w in row)
             terms = [pull, _times(flow, consensus / q), _times(kept, memory / q), slopes[i]]
             total = [sum(entries) for entries in zip_longest(*terms, fillvalue=0)]
-            residuals.append(chebyshev.size(total) + error + len(flow) + len(kept))
+            residuals.append(chebyshev.size(total) + error + _floors(flow) + _floors(kept))
             pulls.append(chebyshev.size(pull) + error)
         self.integral = [known + ticks * sum(step) for known, step in zip(self.integral, integrals, strict=True)]
         jumps = [abs(sum(polynomial) - after) for polynomial, after in zip(y, following, strict=True)]
@@ -121,7 +121,7 @@ class Curve:
             level = self.at_start[i] * phi * factor
             middle, radius = floor(level.lo), ceil(level.hi) - floor(level.lo)
             result = _added(result, [-(middle * entry >> FINE) for entry in shape])
-            error += radius + len(shape) + ceil(abs(middle) * off)
+            error += radius + (len(shape) if middle else 0) + ceil(abs(middle) * off)
         return result, error
 
 
@@ -131,7 +131,7 @@ def _gradient(cost: Cost, y: list[int], unit: Fraction, factor: Fraction) -> tup
         constant, slope = cost.affine
         result = _times(y, slope * factor)
         result[0] += floor(constant * factor / unit)
-        return result, len(y) + 1
+        return result, _floors(y) + (constant != 0)
     spend(20_000)
     degree, distance = len(y) - 1, max(chebyshev.spread(y), 1)
     middle, reach = y[0] * unit, distance * unit
@@ -187,6 +187,11 @@ def _times(polynomial: Sequence[int], factor: Fraction) -> list[int]:
     """Every coefficient times the factor, rounded down."""
     p, q = factor.numerator, factor.denominator
     return [entry * p // q for entry in polynomial]
+
+
+def _floors(polynomial: Sequence[int]) -> int:
+    """How many coefficients of a multiple are rounded: 0 stays 0."""
+    return sum(map(bool, polynomial))
 
 
 def _added(a: Sequence[int], b: Sequence[int]) -> list[int]:

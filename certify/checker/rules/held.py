@@ -147,7 +147,7 @@ class _Held:
             found.append(Deviation(defects, max(w, forced)))
             decay = enclose(-rate * stretch.length).exp()
             ends = fixed_down(decay), fixed_up(decay)
-            w = max(-(-(e * w + ((1 << 128) - e) * forced) >> 128) for e in ends) + 1
+            w = max(-(-(e * w + ((1 << 128) - e) * forced) >> 128) for e in ends)
             w += _norm(weights, stretch.jumps)
         return found, w
 
@@ -225,7 +225,8 @@ class _Held:
 
 def _norm(weights: Sequence[int], sizes: Sequence[int]) -> int:
     """``√(Σ r_i size_i²)``, the norm of ``(size, 0)``."""
-    return isqrt(sum(weight * size * size for weight, size in zip(weights, sizes, strict=True)) >> GUARD) + 1
+    square = sum(weight * size * size for weight, size in zip(weights, sizes, strict=True))
+    return isqrt(square >> GUARD) + 1 if square else 0
 
 
 def _up(value: Fraction) -> Fraction:
