@@ -16,13 +16,16 @@ from certify.agent_model import AgentModel, LyapunovMatrices, References
 from certify.assumptions.check import check_assumptions
 from certify.bounds.rationals import log10_estimate
 from certify.coordinator.design import gradients_at
+from certify.coordinator.envelope import norm_gains
 from certify.coordinator.nominal import cost_gradient
+from certify.coordinator.printed import PrintedDesign, design_printed
+from certify.curvature import Curvature, cost_curvature
 from certify.preparation import Prepared, prepare
 from certify.recipe.constants import constants, initial_energy
 from certify.recipe.levels import Level, find_level
 from certify.recipe.matrices import lyapunov_matrices
 from certify.recipe.thresholds import OutputFeedback, StateFeedback, output_feedback, state_feedback
-from symbolic.plant import Plant
+from symbolic.plant import CoordinatorChoice, Interval, Plant
 from symbolic.plant_file import load_plant, parse_plant
 from symbolic.steady_state import SteadyState
 
@@ -51,6 +54,8 @@ class Case:
 
 
 def case(plant: Plant) -> Case:
+    printed = CoordinatorChoice(Fraction(3), Fraction(2), mixing_time=Fraction(0))
+    plant = replace(plant, coordinator=printed)  # the paper's, that starts at once
     prepared = prepare(plant, check_assumptions(plant), lambda message: None)
     assert isinstance(prepared, Prepared)
     agents = []
@@ -92,10 +97,15 @@ def norm_references(prepared: Prepared) -> tuple[References, ...]:
 
     ``d/dt‖x‖_P ≤ −λ0‖x‖_P + ‖p(t)‖_P`` from ``ỹ(0) = y^r(0) − s*``, ``ζ̃(0) = −ζ̄`` with ``p`` enclosed step by step.
     """
-    design, optimum = prepared.coordinator, prepared.optimum.enclosure
+    plant, optimum = prepared.plant, prepared.optimum.enclosure
+    gradients = gradients_at([cost_gradient(agent.cost) for agent in plant.agents], optimum)
+    curvatures = [cost_curvature(agent.cost) for agent in plant.agents]
+    bends = [Interval(found.lower, found.upper) for found in curvatures if isinstance(found, Curvature)]
+    design = design_printed(plant, optimum, gradients, bends)
+    assert isinstance(design, PrintedDesign)
     model, comparison, step = design.model, design.comparison, float(design.mixing.step)
     n, r = model.size, [float(value) for value in model.left_null_vector]
-    slopes = [float(c.magnitude) for c in gradients_at([cost_gradient(a.cost) for a in prepared.plant.agents], optimum)]
+    slopes = [float(gradient.magnitude) for gradient in gradients]
     P = np.abs(np.array([[float(value) for value in line] for line in comparison.P]))
 
     def norm(top: Sequence[float], bottom: Sequence[float]) -> float:
@@ -116,10 +126,10 @@ def norm_references(prepared: Prepared) -> tuple[References, ...]:
         bounds.append(max(bound, level))
         forcings.append(p)
         bound = decay * bound + (1 - decay) * level
-    found = []
-    for i, agent in enumerate(design.envelope.agents):
-        ys = float(agent.deviation_gain) * np.array(bounds)
-        rates = float(agent.rate_gain) * np.array(bounds) + np.array([p[i] for p in forcings])
+    found, (reach, rate_gains) = [], norm_gains(model, comparison)
+    for i in range(n):
+        ys = float(reach[i]) * np.array(bounds)
+        rates = float(rate_gains[i]) * np.array(bounds) + np.array([p[i] for p in forcings])
         found.append(References(*map(Fraction, (ys.max(), step * (ys @ ys), step * (rates @ rates)))))
     return tuple(found)
 

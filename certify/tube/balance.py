@@ -1,5 +1,6 @@
 """The default where nothing is required: of the gains whose input peaks at no more than twice the least gains' peak,
-those that settle soonest, without ringing where that can be had, until the loop waits for its reference alone."""
+and whose feedback and observer are at most three times as fast, those that settle soonest, without ringing where that
+can be had, until the loop waits for its reference alone."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from symbolic.plant import RequestedGains
 
 MOST_TRIALS = 24  # about as many as the search has made before
 INPUT = 2.0  # times the peak of the least gains: what a soon settled output may cost
+SPEED = 3.0  # times K and the observer's poles of the least gains: what a sensor's noise and a sampler have to bear
 BAND = 0.01  # of the error at the start: the usual band of settling times
 COMPARABLE = 1.25  # times the reference's settling time: nothing is gained by a faster loop
 DAMPING = 0.5  # of the dominant modes: the overshoot of a second order is 16 % then
@@ -34,7 +36,7 @@ def balanced(
     soonest = max(reference_settled(performances, band), 0.0)
 
     def score(trial: Trial, found: Performance) -> float:
-        if found.peak > limit:
+        if found.peak > limit or trial.gains.K > SPEED * least.gains.K or found.pole > SPEED * start.pole:
             return inf
         time = found.settled(band)
         late = log(max(time / (COMPARABLE * soonest), 1.0)) if soonest > 0 else log(time) if time > 0 else -inf
@@ -42,7 +44,7 @@ def balanced(
 
     best, found = descent.down(least, score, 0.0)
     if best is least:
-        return least, "the least gains: none settle sooner at twice their peak of the input"
+        return least, "the least gains: none settle sooner at twice their peak of the input and three times their speed"
     ratio = start.settled(band) / max(found.settled(band), 1e-300)
     return (
         best,
