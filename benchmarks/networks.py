@@ -10,8 +10,12 @@ over the spectrum's, and the proved peak of ``|y^r − s*|`` over the simulated 
 from __future__ import annotations
 
 import argparse
+import os
 import resource
 import time
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line has it, before NumPy is loaded
+
 from collections.abc import Callable, Iterator
 
 import numpy as np

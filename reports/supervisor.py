@@ -43,6 +43,8 @@ def main() -> int:
 
 
 def _command() -> int:
+    for library in ("OPENBLAS", "MKL"):  # matrices here are small: threads wait for each other longer than they work
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from reports.command_line import main as command
 
     return command()

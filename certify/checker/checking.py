@@ -9,18 +9,20 @@ from certify.checker.certificate import AgentClaim, Certificate, Claim, DirectAg
 from certify.checker.plant import Agent, Plant, read_plant
 from certify.checker.theorems import THEOREMS, Theorem, kinds
 from certify.checker.unproved import unproved_feature
-from certify.checker.verdict import STEPS, Malformed, Rejected, Undecided, Verdict, require, start_meter
+from certify.checker.verdict import STEPS, Malformed, Rejected, Undecided, Verdict, allow_for, require, start_meter
 
 
 def check(plant: bytes, certificate: bytes, steps: int = STEPS) -> Verdict:
     """``verified`` only if every obligation of the certificate's theorem is proved for the plant.
 
     Whatever goes wrong in any other way, a fault of the checker, too little memory or more than ``steps`` elementary
-    steps included, is ``rejected``.
+    steps (as many again for every ten further agents) included, is ``rejected``.
     """
     start_meter(steps)
     try:
-        model, proof = read_plant(plant), read_certificate(certificate, kinds())
+        model = read_plant(plant)
+        allow_for(len(model.agents))
+        proof = read_certificate(certificate, kinds())
         _prove(model, proof)
     except Malformed as fault:
         return Verdict("malformed", "", str(fault))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 STEPS = 300_000_000  # some ten seconds
+AGENTS_PER_STEPS = 10  # a network of more agents may take in proportion longer
 
 
 class Malformed(Exception):
@@ -59,6 +60,11 @@ _remaining: ContextVar[int] = ContextVar("_remaining", default=STEPS)
 def start_meter(steps: int = STEPS) -> None:
     """How many elementary steps the check that begins now may take: a time limit that is the same on every machine."""
     _remaining.set(steps)
+
+
+def allow_for(agents: int) -> None:
+    """A network of many agents may take more steps than ``STEPS``."""
+    _remaining.set(_remaining.get() + STEPS * (max(agents - 1, 0) // AGENTS_PER_STEPS))
 
 
 def spend(steps: int) -> None:

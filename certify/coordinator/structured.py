@@ -14,7 +14,10 @@ import numpy as np
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
-STARTS = ((0.3, 1.0), (0.3, 10.0), (0.9, 1.0), (0.9, 100.0))  # of (b, d0/C): the optimum is near one of them
+# of (b, d0/C): the optimum is near one of them, and c near b, since α1 (B − c) L is to vanish where messages are fast
+STARTS = ((0.5, 1000.0), (0.5, 10.0), (0.3, 1.0), (0.9, 1000.0), (0.9, 3.0))
+SIMPLEX = 0.4  # of the logarithms: the first steps of the search
+ENOUGH = 0.9  # of the rate with the least damping, which no norm beats by much: further starts are not worth their time
 LIMITS = ((-14.0, -14.0, -7.0), (1.0, 14.0, 5.0))  # of the logarithms of b, d0/C and c/max(B)² − 1
 EVALUATIONS = 150  # per start; the rate is within 1 % by then
 POINT_PRICE, BOX_PRICE = 0.02, 0.5  # of log κ against log λ: a box of starts pays κ at once, a point only for rounding
@@ -83,11 +86,14 @@ def structured_norm(system: System, box: bool) -> StructuredNorm | None:
         rate = rates(B, c)
         return float(-np.log(rate / pace) + price * np.log(1 + 1 / room)) if rate > 0 else 50.0 - rate / pace
 
-    found = []
+    found, least = [], float(system.r @ system.low)
     for b, share in STARTS:
-        start = np.log([b, share, 1.0])
-        options = {"maxfev": EVALUATIONS, "xatol": 1e-2, "fatol": 1e-3}
+        start = np.log([b, share, 1 / b - 1])
+        simplex = np.vstack([start, start + SIMPLEX * np.eye(3)])
+        options = {"maxfev": EVALUATIONS, "xatol": 1e-2, "fatol": 1e-3, "initial_simplex": simplex}
         found.append(minimize(cost, start, method="Nelder-Mead", options=options))
+        if found[-1].fun < -np.log(ENOUGH * least / pace):
+            break
     best = min(found, key=lambda one: one.fun)
     if best.fun >= 50.0:
         return None
