@@ -62,7 +62,7 @@ def search_gains(
         finders += _other_observers(finder, _balanced(finder.passed), redesigned)
     passed = list({id(trial): trial for finder in finders for trial in finder.passed}.values())
     candidates = (
-        Choice("balanced", "the least product K·h·δ^(1/5) that passed", _balanced(passed)),
+        Choice("balanced", "the least product K·h·∛δ that passed", _balanced(passed)),
         Choice("least K", "the least feedback gain that passed", _least_K(passed)),
         Choice("least h", "the least observer gain that passed", _least_h(passed)),
         Choice("least delta", "the least saturation level, so the least peak of the input", _least_delta(passed)),
@@ -91,8 +91,8 @@ def _least_delta(passed: Sequence[Trial]) -> Trial:
 
 
 def _balanced(passed: Sequence[Trial]) -> Trial:
-    """The least ``K·h·δ^(1/5)``: gains that are a seventh larger have to spare half of the saturation level."""
-    return min(passed, key=lambda trial: _product(trial) ** 5 * trial.delta)
+    """The least ``K·h·∛δ``: a feedback that is a quarter larger has to spare half of the input's peak."""
+    return min(passed, key=lambda trial: _product(trial) ** 3 * trial.delta)
 
 
 def nearest_gains(

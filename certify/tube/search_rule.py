@@ -38,8 +38,8 @@ class SearchRule:
     """Finest where plants from papers end up, at 5 to 40."""
     least_K: Fraction = Fraction(1, 2)
     """A loop that is slower lags behind what it follows."""
-    slower: Fraction = Fraction(1, 2)
-    """Share of the certified rate that may be given up for a smaller ``K``."""
+    slower: Fraction = Fraction(1, 5)
+    """Share of the certified rate that may be given up for a smaller ``K``: two steps of the shares that tails try."""
     first_stride: int = 4
     """Rungs of the first step down from gains that pass; the steps double until one fails."""
     rungs_above: int = 1
