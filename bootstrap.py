@@ -84,7 +84,7 @@ def set_up(parts):
     if not missing:
         return
     if not state:
-        print("bootstrap: installing into .venv, once (about half a minute and 650 MB)", file=sys.stderr)
+        print("bootstrap: installing into .venv, once (about half a minute and 720 MB)", file=sys.stderr)
         make_environment()
         state = {"python": sys.version, "root": str(ROOT)}
     STAMP.unlink(missing_ok=True)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -20,8 +21,11 @@ if TYPE_CHECKING:
 
     from certify.export.package import Package
     from certify.region import CertifiedRegion
+    from reports.study import Study
     from sims.closed_loop import Trajectory
     from sims.falsifier import FalsifierResult
+
+PAGE_SUFFIX = ".html"
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,19 +105,41 @@ class Falsification(Answer):
 
 @dataclass(frozen=True, repr=False)
 class Report(Answer):
-    """The PDF on a plant and a certificate, with the conclusion of its first page."""
+    """The report on a plant and a certificate, with the conclusion of its first page: ``pdf`` and the interactive
+    ``page`` (HTML) are made when they are asked for."""
 
     status: Literal["certified", "refuted", "rejected", "inconclusive"]
     reason: str
     verified: bool
-    pdf: bytes
+    study: Study
+
+    @cached_property
+    def pdf(self) -> bytes:
+        from reports.document import build_report
+
+        return build_report(self.study)
+
+    @cached_property
+    def page(self) -> bytes:
+        from reports.interactive.page import build_page
+
+        return build_page(self.study)
+
+    def as_file(self, name: str | Path) -> bytes:
+        """What belongs into a file of that name: the page for ``.html``, else the PDF."""
+        return self.page if is_page(name) else self.pdf
 
     def said(self) -> list[str]:
-        return [f"{self.status}: {self.reason}" if self.reason else self.status, f"PDF of {len(self.pdf)} bytes"]
+        return [f"{self.status}: {self.reason}" if self.reason else self.status]
 
     def save(self, path: str | Path) -> None:
         """Raises ``InputError`` where the file cannot be written."""
-        write_atomically(Path(path), self.pdf)
+        write_atomically(Path(path), self.as_file(path))
+
+
+def is_page(name: str | Path) -> bool:
+    """Whether a file of that name is the interactive page and not the PDF."""
+    return Path(name).suffix.lower() == PAGE_SUFFIX
 
 
 @dataclass(frozen=True, repr=False)

@@ -24,9 +24,14 @@ MATRIX_UP_TO = 10
 
 def text(value: object, limit: int = MAX_TEXT) -> Cell:
     """Plain text, cut to the limit, with places to break long formulas and digests."""
-    whole = "".join(char if char.isprintable() else " " for char in str(value))
+    whole = printable(value)
     cut = whole if len(whole) <= limit else whole[: limit - 1] + "…"
     return {"text": " ".join(map(_breakable, cut.split(" ")))}
+
+
+def printable(value: object) -> str:
+    """Its text without what would not be seen or would turn the text around it."""
+    return "".join(char if char.isprintable() else " " for char in str(value))
 
 
 def math(code: str) -> Cell:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 from certify.door import CertificateLike, PlantLike, given_certificate, given_plant
 from certify.files import require_writable
-from reports.answers import Export, Falsification, Region, Report, Simulation
+from reports.answers import Export, Falsification, Region, Report, Simulation, is_page
 from reports.command_line.inputs import Given
 from reports.command_line.outcome import naming
 from reports.command_line.steps import Steps
@@ -96,14 +96,15 @@ def report(
     *,
     progress: Listener | None = None,
 ) -> Report:
-    """Verify a certificate and typeset the PDF on it and its plant; written to ``path`` if one is given.
+    """Verify a certificate and report on it and its plant; written to ``path`` if one is given, as the interactive page
+    where that ends in ``.html``, else as PDF.
 
     Raises ``InputError``.
     """
     if path is not None:
         require_writable(Path(path))
     proof = Given("the certificate", given_certificate(certificate))
-    made = reported(given_plant(plant), proof, (), Steps(progress or _unheard))
+    made = reported(given_plant(plant), proof, (), Steps(progress or _unheard), page=is_page(path or ""))
     if path is not None:
         made.save(path)
     return made
@@ -223,25 +224,26 @@ def falsified(plant: Plant, proof: Given, options: SearchOptions, steps: Steps) 
     return Falsification(found.status, found.reason, found, answer, options.seed)
 
 
-def reported(plant: Plant, proof: Given, command: Sequence[str | Path], steps: Steps) -> Report:
-    """:func:`report` with its steps told one by one; ``command`` is the one that the report names."""
+def reported(plant: Plant, proof: Given, command: Sequence[str | Path], steps: Steps, *, page: bool = False) -> Report:
+    """:func:`report` with its steps told one by one; ``command`` is the one that the report names.
+
+    A ``page`` also shows the simulated region of attraction.
+    """
     from reports.command_line import study_steps as step
-    from reports.command_line.certified_steps import with_region, with_runs
+    from reports.command_line.certified_steps import with_region, with_runs, with_slices
     from reports.command_line.drawing import prepare_drawing
     from reports.study import conclusion
 
     prepare_drawing()
-    from reports.document import build_report
-
     study = step.with_certificate(step.started(plant, command), proof, steps)
     study = step.with_check(study, steps)
     study = step.with_derivation(study, plant.name, steps)
     study = step.with_simulation(study, steps)
     study = with_runs(with_region(study, steps), steps)
-    with steps.step("report"):
-        pdf = build_report(study)
+    if page:
+        study = with_slices(study, steps)
     found = conclusion(study)
-    return Report(found.status, found.reason, found.verified, pdf)
+    return Report(found.status, found.reason, found.verified, study)
 
 
 def _judged(trajectory: Trajectory, said: str, answer: Mapping[str, str] | None) -> Simulation:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from reports import cells
 from reports.designs import design_lines
 from reports.figures import svg
 from reports.performance_figures import input_figure, loop_figure, tube_figure
+from reports.performance_rows import PerformanceRow, performance_rows
 from reports.region_figure import DRAWN_UP_TO, settling_figure
 from reports.typst_math import number, number_text, symbol_text
 from symbolic.plant import Interval, Plant
@@ -60,7 +60,8 @@ def region_section(
         "closest": cells.text("–") if not completed else estimate(closest(found, completed)),
         "observers": observer_rows(certified.agents[:ROWS_UP_TO]),
         **_picture(settling_figure(found, plant, completed, horizon)),
-        "required": requirement_rows(found, certified, plant, completed),
+        "performance": performance_table(performance_rows(found, certified, plant, completed)),
+        "required": plant.requirements != (),
         "input": _picture(input_figure(found, plant, completed, horizon)),
         "tube": _picture(tube) if (tube := tube_figure(certified, plant, completed)) is not None else None,
         "loops": _picture(loop_figure(responses)) if responses else None,
@@ -75,34 +76,28 @@ def _picture(figure: Figure) -> dict[str, Any]:
     return {"svg": svg(figure), "width": 72 * float(figure.get_figwidth())}
 
 
-def requirement_rows(found: ProvedBounds, certified: CertifiedGains, plant: Plant, runs: Sequence[Trajectory]) -> Rows:
-    """One row per requirement of an agent: what is asked, what is proved, what the runs show."""
-    rows = []
-    for agent, claim in zip(found.agents[:ROWS_UP_TO], certified.agents, strict=False):
-        asked, u = plant.requirements_of(agent.id), [run.agents[agent.id - 1].u for run in runs]
-        if asked.settling is not None:
-            band, proved = asked.settling.band, agent.error.settled(asked.settling.band)
-            seen = max((_settled(run, agent.id, float(band)) for run in runs), default=math.nan)
-            what = f'abs(y - s^(star.op)) <= {_number(band, "nearest")} " after (s)"'
-            rows.append(_required(agent.id, what, asked.settling.time, min(proved, asked.settling.time), seen))
-        if asked.input is not None:
-            seen = max((float(np.nanmax(np.abs(values))) for values in u), default=math.nan)
-            rows.append(_required(agent.id, "max abs(u)", asked.input, agent.input.peak, seen))
-        if asked.bandwidth is not None and claim.h is not None:
-            pole = observer_bandwidth(claim.observer, claim.h).fastest
-            rows.append(_required(agent.id, '"fastest observer pole (rad/s)"', asked.bandwidth, None, pole))
-    return rows
+def performance_table(rows: Sequence[PerformanceRow]) -> Rows:
+    """Agents, quantity, asked, proved, simulated."""
+    return [
+        [
+            cells.text(cells.agents(row.agents)),
+            cells.math(_quantity(row)),
+            cells.text("–") if row.asked is None else cells.math(f"<= {number(row.asked)}"),
+            cells.text("–") if row.proved is None else cells.math(f"<= {_number(row.proved, 'up')}"),
+            estimate(row.seen),
+        ]
+        for row in rows
+    ]
 
 
-def _required(agent: int, what: str, asked: Fraction, proved: Fraction | None, seen: float) -> list[cells.Cell]:
-    shown = asked if proved is None else proved
-    return [cells.text(agent), cells.math(what), cells.number(asked), _bound(shown), estimate(seen)]
-
-
-def _settled(run: Trajectory, agent: int, band: float) -> float:
-    """The last instant at which the run is outside the band."""
-    late = np.flatnonzero(run.error[agent - 1] > band)
-    return float(run.t[late[-1]]) if late.size else 0.0
+def _quantity(row: PerformanceRow) -> str:
+    if row.quantity == "settling" and row.band is not None:
+        return f'"time until" abs(y - s^(star.op)) <= {number(row.band)}'
+    return {
+        "error": "max abs(y - s^(star.op))",
+        "input": "max abs(u)",
+        "pole": '"fastest observer pole (rad / time)"',
+    }[row.quantity]
 
 
 def _margins(found: LoopResponse) -> list[cells.Cell]:

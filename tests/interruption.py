@@ -39,7 +39,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "export": ("export", "{plant}", "{certificate}", "--to", "c", "-o", "{out}/code"),
     "report": ("report", "{plant}", "{certificate}", "-o", "{out}/report.pdf"),
 }
-RESULTS = ("certificate.json", "report.pdf", "summary.json", "region.svg", "witness.json", "trajectory.csv")
+RESULTS = ("certificate.json", "report.pdf", "report.html", "summary.json", "region.svg", "witness.json", "trajectory.csv")
 
 
 @dataclass(frozen=True)

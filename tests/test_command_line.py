@@ -355,9 +355,9 @@ def test_a_command_finds_the_optimum_and_derives_once(
     assert 2 <= len(derived) <= 4 and len(set(derived)) == len(derived)
 
 
-def test_run_writes_three_files_and_says_what_the_summary_says(certified: Certified) -> None:
+def test_run_writes_its_files_and_says_what_the_summary_says(certified: Certified) -> None:
     assert certified.answer.code == 0, certified.answer.err
-    assert sorted(os.listdir(certified.folder)) == ["certificate.json", "report.pdf", "summary.json"]
+    assert sorted(os.listdir(certified.folder)) == ["certificate.json", "report.html", "report.pdf", "summary.json"]
     summary = json.loads((certified.folder / "summary.json").read_text())
     assert summary == certified.answer.json
     assert {"status", "route", "gains", "claim"} <= set(summary)
@@ -483,6 +483,12 @@ def test_report_on_a_certificate(certify: Certify, certified: Certified, tmp_pat
     assert (tmp_path / "r.pdf").read_bytes().startswith(b"%PDF-")
 
 
+def test_a_report_that_is_named_html_is_the_page(certify: Certify, certified: Certified, tmp_path: Path) -> None:
+    answer = certify("report", certified.plant, certified.certificate, "-o", tmp_path / "r.HTML", "--json")
+    assert (answer.code, answer.json["status"], answer.json["verified"]) == (0, "certified", True)
+    assert (tmp_path / "r.HTML").read_bytes().startswith(b"<!DOCTYPE html>")
+
+
 def test_report_on_a_rejected_certificate_says_so(certify: Certify, certified: Certified, tmp_path: Path) -> None:
     answer = certify("report", certified.plant, tampered(certified, tmp_path), "-o", tmp_path / "r.pdf", "--json")
     assert (answer.code, answer.json["status"], answer.json["verified"]) == (1, "rejected", False)
@@ -606,9 +612,9 @@ def test_a_certificate_on_standard_output_is_the_file(certified: Certified) -> N
 
 
 @pytest.mark.parametrize("name", ["r.txt", "r", "r.pdf.svg"])
-def test_a_report_is_a_pdf(certify: Certify, certified: Certified, tmp_path: Path, name: str) -> None:
+def test_a_report_is_a_pdf_or_a_page(certify: Certify, certified: Certified, tmp_path: Path, name: str) -> None:
     answer = certify("report", certified.plant, certified.certificate, "-o", tmp_path / name)
-    assert_one_complaint(answer, "has to end in .pdf")
+    assert_one_complaint(answer, "has to end in .pdf or .html")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -651,7 +657,7 @@ def test_run_that_refutes_reports_it_and_drops_the_old_certificate(
     assert (answer.code, answer.json["status"]) == (1, "refuted")
     assert answer.json["reason"].startswith("A2")
     assert (answer.json["gains"], answer.json["claim"], answer.json["verified"]) == (None, None, False)
-    assert sorted(os.listdir(tmp_path / "out")) == ["report.pdf", "summary.json"]
+    assert sorted(os.listdir(tmp_path / "out")) == ["report.html", "report.pdf", "summary.json"]
 
 
 def test_run_that_cannot_decide_reports_it(certify: Certify, tmp_path: Path) -> None:
@@ -659,7 +665,7 @@ def test_run_that_cannot_decide_reports_it(certify: Certify, tmp_path: Path) -> 
     answer = certify("run", plant, "-o", tmp_path / "out", "--route", "recipe", "--json")
     assert (answer.code, answer.json["status"]) == (3, "inconclusive")
     assert answer.json["reason"]
-    assert sorted(os.listdir(tmp_path / "out")) == ["report.pdf", "summary.json"]
+    assert sorted(os.listdir(tmp_path / "out")) == ["report.html", "report.pdf", "summary.json"]
 
 
 def test_gains_without_a_certificate_writes_nothing(certify: Certify, tmp_path: Path) -> None:

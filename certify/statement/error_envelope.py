@@ -30,6 +30,11 @@ class ErrorEnvelope:
     def peak(self) -> Fraction:
         return max(self.values)
 
+    def rises_at(self, time: Fraction) -> bool:
+        """Whether the bound steps up at one of ``times``: where a wider argument takes over, not where ``y`` moves."""
+        place = self.times.index(time) if time in self.times else 0
+        return place > 0 and self.values[place] > self.values[place - 1]
+
     def settled(self, level: Fraction) -> Fraction:
         """A time from which on ``|y − s*| ≤ level`` is proved; ``level > 0``."""
         last = self.values[-1]

@@ -11,17 +11,18 @@ from symbolic.errors import InputError
 STANDARD_OUTPUT = Path("-")
 
 
-def require_file(path: Path, as_json: bool, suffix: str = "") -> None:
+def require_file(path: Path, as_json: bool, *suffixes: str) -> None:
     """Say before the work starts that its result could not be kept. Raises ``InputError`` that says what to change."""
     if path == STANDARD_OUTPUT:
         if as_json:
             raise InputError("-o -: stdout cannot hold the file and the JSON object; name a file or leave out --json")
-        if suffix and sys.stdout.isatty():
-            raise InputError(f"-o -: a {suffix} does not belong on a terminal; redirect it or name a file")
+        if suffixes and sys.stdout.isatty():
+            raise InputError(f"-o -: a {suffixes[0]} does not belong on a terminal; redirect it or name a file")
         return
     require_writable(path)
-    if suffix and path.suffix.lower() != suffix:
-        raise InputError(f"-o {path}: the name has to end in {suffix}, as in {path.with_suffix(suffix)}")
+    if suffixes and path.suffix.lower() not in suffixes:
+        said = " or ".join(suffixes)
+        raise InputError(f"-o {path}: the name has to end in {said}, as in {path.with_suffix(suffixes[0])}")
 
 
 def require_output_folder(path: Path) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from reports.study import Study
 
 CERTIFICATE, REPORT, SUMMARY, WITNESS = "certificate.json", "report.pdf", "summary.json", "witness.json"
-PICTURE = "region.svg"
+PICTURE, PAGE = "region.svg", "report.html"
 
 
 def command(
@@ -51,9 +51,9 @@ def command(
 ) -> None:
     """Do everything below and write the report.
 
-    Check, derive, find gains, verify, simulate, search for counterexamples. DIR gets report.pdf, summary.json,
-    certificate.json if there is one, region.svg if an agent has two plant states, witness.json if a trajectory breaks
-    the claim.
+    Check, derive, find gains, verify, simulate, search for counterexamples. DIR gets report.pdf, report.html
+    (the same to look into), summary.json, certificate.json if there is one, region.svg if an agent has two plant
+    states, witness.json if a trajectory breaks the claim.
     """
     require_output_folder(output)
     file = given_plant(plant)
@@ -62,16 +62,17 @@ def command(
     from reports.command_line.certified_steps import SearchOptions
     from reports.command_line.study_steps import started
     from reports.document import build_report
+    from reports.interactive.page import build_page
 
     steps = Steps()
     with naming(file.name):
         begun = started(loaded, ["run", plant, "-o", output, "--route", route])
         study = studied(begun, file.name, route, steps, SearchOptions(budget, time_limit, scheduler))
     with steps.step("report") as report:
-        pdf = build_report(study)
+        pdf, page = build_report(study), build_page(study)
         report(str(output / REPORT))
     result = outcome(study)
-    write_together(output, {**results(study), REPORT: pdf, SUMMARY: (result.as_json() + "\n").encode()})
+    write_together(output, {**results(study), REPORT: pdf, PAGE: page, SUMMARY: (result.as_json() + "\n").encode()})
     finish(result, as_json)
 
 
