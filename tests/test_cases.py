@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
 import pytest
 
+from certify.checker import check
+from certify.checker.theorems import THEOREMS
+from certify.routes import ROUTES
 from reports.command_line.application import main
 
 CASES = Path(__file__).parent / "cases"
 
 TABLE = [
-    # soundness
+    # soundness: the certificates that lie beside the files are forged, or of a neighbour that is healthy
+    ("verify soundness/state-named-box", 1, "rejected", "make the certificate anew"),
+    ("verify soundness/narrow", 1, "rejected", "make the certificate anew"),
+    ("falsify soundness/narrow", 1, "rejected", "the checker rejects the certificate"),
+    ("simulate soundness/narrow", 1, "rejected", "the checker rejects the certificate"),
+    ("gains soundness/state-named-box", 3, "inconclusive", ""),
     ("check soundness/agent-constant-in-initial", 2, "", "'a1' is a constant of one [[agent]] table"),
     # refusals: what holds, fails or cannot be decided, and the part that decides it
     ("check refusals/ascii-stdout", 0, "holds", ""),
@@ -32,6 +41,8 @@ TABLE = [
 ]
 
 
+OF_A_CERTIFICATE = ("verify", "falsify", "simulate")
+
 # units and networks: the same plant in other units, rings and meshes; certified whatever they are
 QUICK = ("units/input-gain-0.0018", "units/room-watt", "units/pole-meets-internal-model")
 CERTIFIED = (
@@ -43,6 +54,7 @@ CERTIFIED = (
     ),
     *(f"units/{name}" for name in ("dc-motor-volt", "dc-motor-order-3", "input-gain-2000")),
     *(f"networks/{name}" for name in ("ring-6", "alpha-100", "ten-machines-ring", "ten-machines-swing")),
+    "networks/fifty-four-units",
 )
 ROWS = [pytest.param(*row, id=row[0]) for row in TABLE] + [
     pytest.param(
@@ -62,8 +74,10 @@ def test_case(
     line: str, code: int, status: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     command, case = line.split()
-    output = ["-o", str(tmp_path / "certificate.json")] if command == "gains" else []
-    assert main([command, str(CASES / f"{case}.toml"), *output, "--json"]) == code
+    arguments = [command, str(CASES / f"{case}.toml")]
+    arguments += [str(file) for file in CASES.glob(f"{case}*.json") if command in OF_A_CERTIFICATE]
+    output = {"gains": ["-o", str(tmp_path / "certificate.json")], "simulate": ["-o", str(tmp_path)]}
+    assert main([*arguments, *output.get(command, []), "--json"]) == code
     out, err = capsys.readouterr()
     assert "Traceback" not in err and "Warning" not in err
     if code == 2:
@@ -84,3 +98,48 @@ def test_references_that_start_at_the_optimum_are_certified(tmp_path: Path) -> N
     file = tmp_path / "plant.toml"
     file.write_text(text.replace('"0.00028*s^2 + 8.1*s + 550"', '"s^2/2"').replace("p*x1", "-x1"))
     assert main(["gains", str(file), "-o", str(tmp_path / "certificate.json")]) == 0
+
+
+NAMED_BOX = """
+schema = "consensus-plant/1"
+name = "named-box"
+network = {{ agents = 2, edges = ["1 -> 2", "2 -> 1"] }}
+[initial]
+box = [-{default}, {default}]
+z = {z}
+x = [-0.2, 0.2]
+reference = 0
+observer = 0
+eta = 0
+[[agent]]
+ids = [1, 2]
+order = 1
+zero_dynamics = {{ box = "-box + x1", z2 = "{flow}" }}
+f = "box/4 + z2/2"
+b = 1
+cost = "(s - id + 3/2)^2/2"
+"""
+NARROW, DEFAULT, BOTH = "{ box = [-0.1, 0.1] }", "{ z2 = [-0.1, 0.1] }", "{ box = [-0.1, 0.1], z2 = [-0.1, 0.1] }"
+FLOWS = {  # what is claimed of z2 beyond 1/10 is false (it escapes), or more than the witness's level proves
+    "direct/3": ("-z2 + z2^3", 2),
+    "recipe/2": ("-z2", 10**6),
+}
+
+
+@pytest.mark.parametrize("theorem", list(THEOREMS))
+@pytest.mark.parametrize("z", [NARROW, DEFAULT])
+def test_a_state_called_box_has_its_own_box_and_no_other(theorem: str, z: str, tmp_path: Path) -> None:
+    """A certificate of starts in [-1/10, 1/10] is none of a file that writes so for one state only, whatever the name
+    of that state: the other one starts in the default."""
+    flow, default = FLOWS[theorem]
+    route = next(route.name for route in ROUTES.values() if route.theorem == theorem)
+    proved, claimed = (NAMED_BOX.format(default=default, z=states, flow=flow).encode() for states in (BOTH, z))
+    plant, file = tmp_path / "plant.toml", tmp_path / "certificate.json"
+    plant.write_bytes(proved)
+    assert main(["gains", str(plant), "--route", route, "-o", str(file)]) == 0
+    assert check(proved, file.read_bytes()).status == "verified"
+    digests = [hashlib.sha256(data).hexdigest() for data in (proved, claimed)]
+    forged = file.read_bytes().replace(*(digest.encode() for digest in digests))
+    assert digests[1].encode() in forged
+    verdict = check(claimed, forged)
+    assert verdict.status == "rejected" and verdict.obligation.startswith("agent 1"), verdict

@@ -32,7 +32,7 @@ from symbolic.plant_file import parse_plant
 from symbolic.plant_writer import with_source
 from tests.tubes import prepared
 
-CASES = Path(__file__).parent / "units"
+CASES = Path(__file__).parent / "cases" / "units"
 EXAMPLES = Path(__file__).parent.parent / "examples"
 SMALL = """
 schema = "consensus-plant/1"
