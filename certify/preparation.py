@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy
 
@@ -19,7 +19,7 @@ from certify.curvature import Curvature, cost_curvature
 from certify.float_range import BeyondFloatsError, float_range
 from certify.foreseen import foreseen_refusal, seen_optimum
 from certify.gains.linear_stability import LinearVerdict, necessary_condition
-from certify.gains.requested import requested_controller
+from certify.gains.requested import left_open, requested_controller
 from certify.internal_trajectory import internal_model_data
 from certify.optimum import NoOptimumError, Optimum, optimum
 from certify.results import AgentResult, Status
@@ -156,7 +156,10 @@ def _curvature(cost: sympy.Expr) -> Interval:
 def _necessary(
     plant: Plant, derivation: Derivation, found: Optimum, disturbance: ExosystemBounds
 ) -> tuple[AgentResult, ...]:
-    """The exact linear condition on requested gains, agent by agent; empty when ``K`` and ``h`` are not both fixed."""
+    """The exact linear condition on requested gains, agent by agent; none for an agent whose gains are not all fixed.
+
+    Where the file leaves a design open, the condition is that of the default and refutes nothing.
+    """
     results = []
     for derived in derivation.agents:
         controller = requested_controller(derived, plant.gains_of(derived.id))
@@ -168,6 +171,10 @@ def _necessary(
         verdict = necessary_condition(
             derived.agent, controller, derived.steady_state, found, disturbance.sharp, plant.exosystem.states
         )
+        choices = left_open(derived)
+        if verdict.status == "refuted" and choices:
+            words = f"with the default of {' and '.join(choices)}, which the file leaves open, {verdict.reason}"
+            verdict = replace(verdict, status="inconclusive", reason=words)
         status: Status = "refuted" if verdict.status == "refuted" else "inconclusive"
         results.append(AgentResult(derived.id, status, f"agent {derived.id}: {verdict.reason}", linear=verdict))
     return tuple(results)
