@@ -10,6 +10,7 @@ from certify.statement.claim import CertifiedGains
 from certify.statement.numbers import fraction
 from certify.statement.tube import Tube
 from reports import cells, tables
+from reports.coordinator_section import SYMBOLS
 from reports.designs import chosen_designs
 from reports.study import Study
 from reports.typst_math import number
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from certify.pipeline import AgentResult, GainsResult
 
 MATRIX_UP_TO = 9
-SYMBOLS = ("alpha_1", "alpha_2", "kappa", "beta", 't_"mix"', "nu")  # of COORDINATOR_KEYS, in typst
 
 
 def gains_section(study: Study, certified: CertifiedGains | None, stands: bool) -> dict[str, Any] | None:
@@ -122,7 +122,7 @@ def _coordinator(gains: GainsResult | None, certified: CertifiedGains | None) ->
     if envelope is None and certified is None:
         return None
     facts: list[list[Any]] = []
-    P = None
+    P, structured = None, certified is not None and not certified.P
     if certified is not None:
         facts = [
             ["Norm", cells.text(_norm_in_words(certified))],
@@ -139,13 +139,13 @@ def _coordinator(gains: GainsResult | None, certified: CertifiedGains | None) ->
             for k, a in enumerate(envelope.agents, start=1)
         ]
     )
-    return {"facts": facts, "P": P, "peaks": peaks}
+    return {"facts": facts, "P": P, "structured": structured, "peaks": peaks}
 
 
 def _norm_in_words(certified: CertifiedGains) -> str:
     if certified.P:
         return f"a matrix of {len(certified.P)} × {len(certified.P)}"
-    return f"structured, for {len(certified.left_null_vector)} agents"
+    return f"structured, for {len(certified.left_null_vector)} agents (docs/coordinator.md, section 2)"
 
 
 def _grid(norm: Mapping[str, Fraction]) -> str:

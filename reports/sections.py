@@ -14,6 +14,7 @@ from certify.statement.numbers import fraction, scientific, shown
 from reports import cells, tables
 from reports.agent_types import coordinates_section
 from reports.attraction import attraction_section
+from reports.coordinator_section import coordinator_section
 from reports.cross_checked import ending, sentence
 from reports.figures import style, svg
 from reports.gains_sections import claim_section, gains_section, numbers_section, stability_rows
@@ -28,6 +29,7 @@ from reports.typst_math import matrix, number, number_text, typst
 from sims.closed_loop import Trajectory
 from sims.cross_check import CrossCheck
 from sims.loop_response import LoopResponse, loop_response
+from symbolic.controller import CoordinatorGains
 from symbolic.network import cuts, is_balanced
 from symbolic.plant import Agent, Digraph, Exosystem, Interval, Plant
 from symbolic.steady_state import SteadyState
@@ -57,6 +59,7 @@ def document_data(study: Study) -> dict[str, Any]:
         if study.check is None
         else {"status": study.check.status, "rows": tables.assumptions_table(study.check)},
         "types": None if study.derivation is None else coordinates_section(study.derivation, study.plant.agents),
+        "coordinator": coordinator_section(_coordinator(study, certified)),
         "gains": gains_section(study, certified, stands),
         "region": _region(study, certified, ended),
         "stability": None if study.gains is None else stability_rows(study.gains),
@@ -84,6 +87,12 @@ def _route(study: Study, certified: CertifiedGains | None) -> str:
     if certified is not None:
         return certified.route
     return study.gains.route if study.gains else "–"
+
+
+def _coordinator(study: Study, certified: CertifiedGains | None) -> CoordinatorGains | None:
+    if certified is not None:
+        return certified.coordinator
+    return None if study.simulated is None else study.simulated.coordinator
 
 
 def _texts(study: Study, certified: CertifiedGains | None) -> str:

@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from certify.statement.claim import CertifiedGains
-from certify.statement.numbers import scientific, shown
+from certify.statement.numbers import scientific
 from reports import cells
+from reports.coordinator_section import constants
 from reports.figures import style, svg
 from reports.tables import grouped
 from reports.typst_math import number, number_text
@@ -54,7 +55,7 @@ def simulation_section(
         ]
         if len(groups) > 1 and not remark["certified"]
         else None,
-        "caption": cells.text("" if simulated is None else _coordinator(simulated)),
+        "coordinator": [] if simulated is None else constants(simulated.coordinator),
         "failure": None
         if trajectory.status == "completed"
         else cells.text(f"The run {trajectory.status}: {trajectory.reason}"),
@@ -90,19 +91,14 @@ def _number(value: Any) -> cells.Cell:
 
 
 def _shared_gains(simulated: Controller | None, groups: Sequence[Sequence[AgentController]]) -> str | None:
-    """``(g, K, h) = (5, 100, 500), δ = 1000, α = (5, 5)`` if the agents share their gains."""
+    """``(g, K, h) = (5, 100, 500), δ = 1000, α1 = 5, α2 = 5`` if the agents share their gains."""
     if simulated is None or len(groups) != 1:
         return None
     law = groups[0][0]
     named = {"g": law.g, "K": law.K} | ({} if law.h is None else {"h": law.h})
     values = ", ".join(number(value) for value in named.values())
-    coordinator = simulated.coordinator
-    alpha = f"(alpha_1, alpha_2) = ({number(coordinator.alpha1)}, {number(coordinator.alpha2)})"
-    return f"({', '.join(named)}) = ({values}), quad delta = {number(law.delta)}, quad {alpha}"
-
-
-def _coordinator(simulated: Controller) -> str:
-    return f"Coordinator gains {shown(simulated.coordinator.alpha1)} and {shown(simulated.coordinator.alpha2)}."
+    shared = ", ".join(constants(simulated.coordinator))
+    return f"({', '.join(named)}) = ({values}), quad delta = {number(law.delta)}, quad {shared}"
 
 
 def _remark(simulated: Controller | None, certified: CertifiedGains | None) -> dict[str, Any]:

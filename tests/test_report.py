@@ -8,6 +8,7 @@ from datetime import date
 from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import sympy
@@ -334,6 +335,33 @@ def test_the_paper_example_builds_reproducibly_and_differs_with_the_date(five_ag
     assert first == build_report(study)
     assert first == (tmp_path / "report.pdf").read_bytes()
     assert first != build_report(replace(study, date=date(2025, 1, 3)))
+
+
+@pytest.mark.parametrize(
+    ("changed", "shown", "kept_out"),
+    [
+        ({}, "alpha_1 = 3, alpha_2 = 2", ["kappa", "beta", "nu", '"mix"']),
+        ({"gradient_gain": "1/4"}, "kappa = 0.25", ["beta", "nu", '"mix"']),
+        ({"mixing_gain": "32"}, "beta = 32", ["kappa", "nu", '"mix"']),
+        ({"mixing_time": "1/2"}, 't_"mix" = 0.5', ["kappa", "beta", "nu"]),
+        ({"mixing_time": "1/2", "softening": "6"}, "nu = 6", ["kappa", "beta"]),
+    ],
+)
+def test_constants_that_are_not_the_papers_are_shown_with_the_equations_they_are_in(
+    changed: dict[str, str], shown: str, kept_out: list[str]
+) -> None:
+    plant = small_plant()
+    proof: Any = certificate(plant, None)
+    proof["claim"] |= changed
+    study = Study(plant, certificate=proof, derivation=derive(plant, sympy.Rational(3, 2)))
+    data = document_data(study)["coordinator"]
+    assert shown in ", ".join(data["constants"])
+    written = "\n".join([*data["lines"], data["error"], *data["constants"]])
+    assert [name for name in kept_out if name in written] == []
+    symbols = {"gradient_gain": "kappa", "mixing_gain": "beta", "softening": "nu"}
+    assert all(symbols[key] in "".join(data["lines"]) for key in changed if key in symbols)
+    assert (data["held"], data["soft"]) == ("mixing_time" in changed, "softening" in changed)
+    build_report(study)
 
 
 def test_a_network_of_fifty_agents_breaks_its_tables_over_pages() -> None:
