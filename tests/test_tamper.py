@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import random
 from collections import Counter
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import pytest
-from tamper.bases import SMALL, Base, encode, make_base, small_plants
-from tamper.corpus import corpus, every_number
+from tamper.bases import SMALL, Base, encode, held_plants, make_base, small_plants
+from tamper.corpus import REQUIRED, asks, corpus, every_number
 from tamper.judge import Tally, judge
 from tamper.mutations import Mutant, at, paths, plant_edits, replaced, systematic
 from tamper.recompute import why_not_proved
@@ -46,6 +48,37 @@ def test_no_mutant_of_a_slice_is_accepted_wrongly(bases: list[Base], count: int)
     assert [(reason, mutant.operator, mutant.path) for reason, mutant in tally.wrong] == []
     assert [reason for reason, _ in tally.faults] == []
     assert min(tally.classes[name] for name in ("malformed", "rejected", "equivalent")) > 5
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("path", held_plants(), ids=lambda path: path.stem)
+def test_no_mutant_of_references_that_wait_is_accepted_wrongly(path: Path, count: int) -> None:
+    """Neither of the coordinator's curve nor of requirements, which are changed in the plant file too."""
+    base = make_base(path, "direct")
+    assert base is not None and "curve" in base.certificate["witness"]["coordinator"]
+    tally = Tally()
+    for mutant in corpus([base], count, seed=2):
+        judge(base, mutant, tally)
+    assert [(reason, mutant.operator, mutant.path) for reason, mutant in tally.wrong] == []
+    assert [reason for reason, _ in tally.faults] == []
+    assert min(tally.classes[name] for name in ("malformed", "rejected")) > 5
+    asked = sum(number for (part, _), number in tally.parts.items() if part == "requirements")
+    assert asked == (round(REQUIRED * count) if asks(base) else 0)
+
+
+def test_requirements_that_no_bound_gives_are_not_confirmed() -> None:
+    """The second proof of a changed requirement can say no."""
+    base = make_base(next(path for path in held_plants() if path.stem == "required_two_agents"), "direct")
+    assert base is not None
+    claimed = {key: base.certificate["claim"]["agents"][1]["requirements"][key] for key in ("input", "bandwidth")}
+    assert why_not_proved(base.plant, base.certificate) is None
+    for key, value in claimed.items():
+        plant = base.plant.replace(f"{key} = {value}".encode(), f'{key} = "1/100"'.encode())
+        changed = replaced(base.certificate, ("claim", "plant_sha256"), hashlib.sha256(plant).hexdigest())
+        for agent in (0, 1):
+            changed = replaced(changed, ("claim", "agents", agent, "requirements", key), "1/100")
+        assert check(plant, encode(changed)).status == "rejected"
+        assert f": {key}" in (why_not_proved(plant, changed) or "")
 
 
 @pytest.mark.parametrize("route", ["recipe", pytest.param("direct", marks=pytest.mark.slow)])

@@ -1,4 +1,4 @@
-"""``python -m tests.tamper [--count N] [--seed S] [--workers W]``: exit 0 if no mutant was accepted wrongly
+"""``python -m tests.tamper [--count N] [--seed S] [--workers W] [PLANT …]``: exit 0 if no mutant was accepted wrongly
 and none was rejected by a fault of the checker, else 1."""
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m tests.tamper", description="Tamper with certificates and count what is accepted."
     )
+    parser.add_argument("plants", nargs="*", type=Path, help="plant files, by the route direct, in the place of all")
     parser.add_argument("--count", type=int, default=2_000, help="how many mutants")
     parser.add_argument("--every-number", action="store_true", help="instead: every number of every certificate once")
     parser.add_argument("--seed", type=int, default=0)
@@ -31,7 +32,7 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     start = time.monotonic()
     deadline = start + 60 * options.minutes if options.minutes else float("inf")
-    bases = make_bases()
+    bases = make_bases(options.plants)
     print("certificates:", ", ".join(base.name for base in bases), file=sys.stderr, flush=True)
     count = 0 if options.every_number else options.count
     tasks = [(bases, count, options.seed, worker, options.workers, deadline) for worker in range(options.workers)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -44,6 +45,11 @@ def encode(certificate: Any) -> bytes:
     return canonical(certificate) + b"\n"
 
 
+def held_plants() -> list[Path]:
+    """Networks whose references wait for the mixing layer, with and without requirements: for the route ``direct``."""
+    return sorted((SMALL / "held").glob("*.toml"))
+
+
 def small_plants() -> list[Path]:
     return sorted(SMALL.glob("*.toml"))
 
@@ -60,9 +66,11 @@ def make_base(path: Path, route: str = "recipe") -> Base | None:
     return Base(f"{path.stem} ({route})", plant, certificate, steps_spent())
 
 
-def make_bases() -> list[Base]:
-    """The small plants and the examples by the route ``recipe``, some of them by the route ``direct``, as far as they
-    are certified."""
+def make_bases(plants: Sequence[Path] = ()) -> list[Base]:
+    """Those of the named plants by the route ``direct``; without any, the small plants and the examples by the route
+    ``recipe``, some of them by the route ``direct``, as far as they are certified."""
+    if plants:
+        return [base for path in plants if (base := make_base(path, "direct")) is not None]
     recipes = [make_base(path) for path in (*small_plants(), *sorted(EXAMPLES.glob("*.toml")))]
     return [base for base in (*recipes, *(make_base(path, "direct") for path in DIRECT)) if base is not None]
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import random
+import re
 from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from itertools import chain, islice
 
 from .bases import Base, Json, encode
@@ -25,6 +27,7 @@ from .values import changes, is_number, number_values
 
 FLOOR = 0.25  # of all mutants at most this part is spread over the bases whatever they cost
 PLANTS = 0.02  # and this part changes the plant file and binds the certificate to the new one
+REQUIRED = 0.1  # and this part, where there are requirements, asks for others in the plant file and in the claim
 CHEAP = 1_000_000  # steps of the checker
 
 
@@ -43,8 +46,10 @@ def _endless(bases: Sequence[Base], count: int, seed: int) -> Iterator[Mutant]:
     scale = min(1.0, FLOOR * count / sum(fields))
     floors = [round(scale * number) for number in fields]
     of_plants = round(PLANTS * count)
+    asking = [k for k, base in enumerate(bases) if asks(base)]
+    of_requirements = round(REQUIRED * count) if asking else 0
     weights = [1 / base.cost**2 for base in bases]
-    rest = count - of_plants - sum(floors)
+    rest = count - of_plants - of_requirements - sum(floors)
     quotas = [floor + int(rest * weight / sum(weights)) for floor, weight in zip(floors, weights, strict=True)]
     seen = {_digest(base.plant, base) for base in bases}
     order = sorted(range(len(bases)), key=lambda k: bases[k].cost)
@@ -56,6 +61,7 @@ def _endless(bases: Sequence[Base], count: int, seed: int) -> Iterator[Mutant]:
         yield from islice(mutants[k], quotas[k] - floors[k])
     cheap = [k for k in order if bases[k].cost < CHEAP] or order[:1]
     yield from islice(_new(_plants(bases, cheap, random.Random(seed)), seen, bases), of_plants)
+    yield from islice(_new(_required(bases, asking, random.Random(seed)), seen, bases), of_requirements)
     rng = random.Random(seed)
     endless = (random_mutant(bases, order[0], rng) for _ in iter(int, 1))
     yield from _new(endless, seen, bases)
@@ -130,3 +136,32 @@ def _plants(bases: Sequence[Base], indices: Sequence[int], rng: random.Random) -
             mutants.append(Mutant(k, operator, "plant", base.certificate, plant))
     rng.shuffle(mutants)
     yield from mutants
+
+
+def asks(base: Base) -> bool:
+    """Whether the claim repeats requirements of its plant file."""
+    return any(any(entry.get("requirements", {}).values()) for entry in base.certificate["claim"]["agents"])
+
+
+def _required(bases: Sequence[Base], indices: Sequence[int], rng: random.Random) -> Iterator[Mutant]:
+    """One number of ``[requirements]`` changed in the plant file and, alike for all agents, in the claim: closer and
+    closer to what the witness proves, and beyond. The witness is kept."""
+    while indices:
+        k = rng.choice(indices)
+        base, (table, key) = (
+            bases[k],
+            rng.choice((("settling", "time"), ("settling", "band"), ("", "input"), ("", "bandwidth"))),
+        )
+        source = base.plant.decode()
+        found = re.search(rf'\b{key} = "?([\d./]+)"?', source)
+        if found is None:
+            continue
+        value = Fraction(found[1]) * Fraction(round(2 ** rng.uniform(-7, 2), 3)).limit_denominator(1000)
+        if value <= 0:
+            continue
+        plant = (source[: found.start()] + f'{key} = "{value}"' + source[found.end() :]).encode()
+        certificate = replaced(base.certificate, ("claim", "plant_sha256"), hashlib.sha256(plant).hexdigest())
+        for place in range(len(certificate["claim"]["agents"])):
+            where = ("claim", "agents", place, "requirements", *((table,) if table else ()), key)
+            certificate = replaced(certificate, where, str(value))
+        yield Mutant(k, f"{key} of all is {value}", "requirements", certificate, plant)

@@ -13,6 +13,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import sympy
 from flint import ctx
 
@@ -54,6 +55,9 @@ from certify.recipe.levels import Level
 from certify.recipe.matrices import chain_matrix, observer_matrix
 from certify.recipe.thresholds import StateFeedback, _Observer, state_feedback
 from certify.routes import DIRECT
+from certify.statement.bounds import proved_bounds
+from certify.statement.claim import certified_gains
+from certify.statement.recomputed import coordinator_envelope
 from certify.tube.route import tube_agent
 from symbolic.controller import CoordinatorGains
 from symbolic.derivation import derive
@@ -67,6 +71,7 @@ from symbolic.plant import (
     Interval,
     Plant,
     RequestedGains,
+    Requirements,
 )
 from symbolic.steady_state import SteadyState
 
@@ -413,14 +418,15 @@ def _rows(value: list[list[str]]) -> Rows:
 
 def prove_direct(plant_file: bytes, certificate: Json) -> None:
     """``direct``: the producer is asked for witnesses of exactly these gains, agent by agent, and the checker accepts
-    the claim with them too. Raises ``NotConfirmed``."""
+    the claim with them too. Requirements that this other tube is too wide for have to follow from the bounds that the
+    producer's code reads off the witness as it stands. Raises ``NotConfirmed``."""
     claim, plant = certificate["claim"], plant_from_bytes(plant_file)
     need(claim["plant_sha256"] == plant.sha256, "another plant")
     need([entry["id"] for entry in claim["agents"]] == [str(agent.id) for agent in plant.agents], "other agents")
     _respects(plant, claim)
     agents = tuple(_designed(agent, entry) for agent, entry in zip(plant.agents, claim["agents"], strict=True))
     choice = CoordinatorChoice(**{key: Fraction(claim[key]) for key in COORDINATOR_KEYS})
-    designed = replace(plant, agents=agents, gains=(), coordinator=choice)
+    designed = replace(plant, agents=agents, gains=(), coordinator=choice, requirements=())
     prepared = prepare(designed, check_assumptions(plant), lambda message: None, DIRECT.proved_on_the_way)
     if isinstance(prepared, Stopped):
         raise NotConfirmed(f"the producer: {prepared.reason}")
@@ -438,7 +444,36 @@ def prove_direct(plant_file: bytes, certificate: Json) -> None:
     )
     need(again["claim"] == claim, "the producer proves another claim")
     verdict = check(plant_file, encode(again))
+    if verdict.status == "rejected" and any(f"{word}:" in verdict.obligation for word in REQUIREMENTS):
+        _promised(plant, certificate)
+        return
     need(verdict.status == "verified", f"not with the producer's witnesses: {verdict.obligation}")
+
+
+def _promised(plant: Plant, certificate: Json) -> None:
+    """The claimed requirements against the bounds of ``certify.statement`` and the observer's poles in floats."""
+    certified = certified_gains(certificate)
+    if certified is None:
+        raise NotConfirmed("the certificate cannot be read")
+    certified = replace(
+        certified, agents=tuple(replace(agent, requirements=Requirements()) for agent in certified.agents)
+    )
+    envelope = coordinator_envelope(plant, certified)
+    found = (
+        envelope
+        if isinstance(envelope, str)
+        else proved_bounds(plant, derive(plant, COST_VARIABLE), certified, envelope)
+    )
+    if isinstance(found, str):
+        raise NotConfirmed(found)
+    for agent, bounds in zip(certified.agents, found.agents, strict=True):
+        asked, name = plant.requirements_of(agent.id), f"agent {agent.id}"
+        if asked.settling is not None:
+            need(bounds.error.settled(asked.settling.band) <= asked.settling.time, f"{name}: settling")
+        need(asked.input is None or bounds.input.peak <= asked.input, f"{name}: input")
+        if asked.bandwidth is not None and agent.h is not None:
+            poles = np.roots([1.0, *map(float, reversed(agent.observer))])
+            need(float(agent.h) * max(abs(poles)) <= float(asked.bandwidth) * (1 + 1e-9), f"{name}: bandwidth")
 
 
 def _designed(agent: Agent, entry: Json) -> Agent:
@@ -452,4 +487,5 @@ def _model(entry: Json) -> InternalModelChoice:
 
 
 GAINS = ("g", "K", "delta", "h")
+REQUIREMENTS = ("settling", "input", "bandwidth")
 ROUTES = {"recipe": prove_recipe, "direct": prove_direct}
