@@ -68,7 +68,7 @@ constants = { L = 0.5 }
 uncertain = { R = [1, 1.2] }
 cost      = "(s - id)^2"
 """
-ENDS = {".json": b"}", ".pdf": b"%%EOF", ".svg": b"</svg>", ".html": b"</html>"}  # of whole files
+ENDS = {".json": b"}", ".pdf": b"%%EOF", ".svg": b"</svg>"}  # of whole files
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 IMPORTING = 0.4  # seconds in which a third of the moments lie
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -90,6 +91,24 @@ def test_case(
 def test_every_case_is_in_the_table() -> None:
     listed = {line.split()[1] for line, *_ in TABLE} | set(CERTIFIED)
     assert {f"{file.parent.name}/{file.stem}" for file in CASES.glob("*/*.toml")} == listed
+
+
+@pytest.mark.parametrize(
+    ("case", "lines"),
+    [
+        ("units/dc-motor-volt", "g = 1\nK = 0.05\nh = 5"),
+        pytest.param("units/input-gain-2000", "K = 0.0005", marks=pytest.mark.slow),
+    ],
+)
+def test_small_gains_of_inputs_with_a_large_effect_are_certified_as_given(
+    case: str, lines: str, tmp_path: Path
+) -> None:
+    file, certificate = tmp_path / "plant.toml", tmp_path / "certificate.json"
+    file.write_text(f"{(CASES / f'{case}.toml').read_text()}\n[gains]\n{lines}\n")
+    assert main(["gains", str(file), "-o", str(certificate)]) == 0
+    asked = dict(line.split(" = ") for line in lines.splitlines())
+    for agent in json.loads(certificate.read_text())["claim"]["agents"]:
+        assert all(Fraction(agent[key]) == Fraction(value) for key, value in asked.items())
 
 
 def test_references_that_start_at_the_optimum_are_certified(tmp_path: Path) -> None:
