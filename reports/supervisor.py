@@ -1,4 +1,4 @@
-"""The entry of the installed command: the work runs in a child process, and this one waits and answers signals.
+"""What the installed command runs: the work is done in a child process, and this one waits and answers signals.
 
 An interruption has to end the command within two seconds, also while native code (a solver, the typesetter, a compiled
 loop) keeps the interpreter busy; no handler in Python runs then. So the child is killed from outside, after what it is
@@ -55,7 +55,7 @@ def _watched(parent: int, tell: int, heard: set[signal.Signals]) -> NoReturn:
     end_with(parent)
     for number in heard:
         signal.signal(number, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, heard | {signal.SIGCHLD})
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTIONS | {signal.SIGCHLD})
     watched_through(tell)
     code = _command()
     atexit._run_exitfuncs()

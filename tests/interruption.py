@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SCRIPT = "import sys; from reports.supervisor import main; sys.exit(main())"
+SCRIPT = "import sys; from reports.entry import main; sys.exit(main())"
 TOKEN = "CERTIFY_TEST_TOKEN"
 EARLIER = b"an earlier result\n"
 PATIENCE = 60.0  # seconds until a test gives up: no statement on speed

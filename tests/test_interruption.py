@@ -147,10 +147,25 @@ def test_nothing_that_was_started_outlives_the_command(tmp_path: Path) -> None:
     assert marked(str(tmp_path)) == [] and not folder.exists()
 
 
+def test_an_interruption_before_the_supervisor_listens_waits_for_it(tmp_path: Path) -> None:
+    """Held back from the first line of the entry on, however slowly the rest is loaded; the child hears them again."""
+    script = (
+        "import os, signal, sys; import reports.entry\n"
+        "os.kill(os.getpid(), signal.{name}); print('still here', flush=True)\n"
+        "sys.argv = ['certify', 'check', '{plant}']; sys.exit(reports.entry.main())"
+    )
+    for number in (*SIGNALS, signal.SIGHUP):
+        code = script.format(name=number.name, plant=EXAMPLE)
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+        assert (done.returncode, done.stdout) == (128 + number, "still here\n")
+        assert done.stderr == f"certify: interrupted by {number.name}; nothing was left half done\n"
+
+
 def test_an_ignored_interruption_stays_ignored(tmp_path: Path) -> None:
     """As in a script's background job, where the shell ignores SIGINT for its children."""
     script = "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); "
-    command = [sys.executable, "-c", script + "from reports.supervisor import main; sys.exit(main())"]
+    command = [sys.executable, "-c", script + "from reports.entry import main; sys.exit(main())"]
     process = subprocess.Popen([*command, "check", str(EXAMPLE)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     until(lambda: process.poll() is not None or _children(process.pid))
     process.send_signal(signal.SIGINT)
