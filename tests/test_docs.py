@@ -77,5 +77,6 @@ def test_every_page_is_in_the_table_of_contents() -> None:
 
 def test_the_gallery_lists_every_example() -> None:
     examples = DOCS.parent / "examples"
-    listed = re.findall(r"^\| `(\w+)` \|", (DOCS / "gallery.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    described, _, _ = (DOCS / "gallery.md").read_text(encoding="utf-8").partition("## What the tool says")
+    listed = re.findall(r"^\| `(\w+)` \|", described, flags=re.MULTILINE)
     assert sorted(listed) == sorted(path.stem for path in examples.rglob("*.toml"))
