@@ -124,7 +124,8 @@ class Running:
 def interrupted(folder: Path, arguments: tuple[str, ...], number: signal.Signals, moment: float) -> Interrupted:
     """Run a command whose output folder ``folder/out`` holds earlier results, and interrupt it after ``moment``."""
     out = folder / "out"
-    out.mkdir(exist_ok=True)
+    shutil.rmtree(out, ignore_errors=True)  # with what an earlier command has written
+    out.mkdir()
     for name in RESULTS:
         (out / name).write_bytes(EARLIER)
     running = Running(folder, *arguments)
